@@ -1,0 +1,5 @@
+//! From batches to bits and back: the range coder, its adaptive models, and the coders of each kind of symbol.
+//!
+//! Everything here is integer arithmetic with stated widths, so that a file decodes alike on every machine.
+
+pub mod range;

@@ -1,0 +1,23 @@
+//! lodestream: any polygon mesh into one progressive `.lods` stream, and back exactly.
+//!
+//! Data flows one way through the rooms of this crate:
+//! `read → complex → metric → simplify → codec → container`, with `write` beside, and the
+//! command line on top. Decoding needs [`mesh`], [`complex`], [`codec`] and [`container`] alone: no threads,
+//! clocks, files or floating-point decisions (`--no-default-features`).
+#![forbid(unsafe_code)]
+#![warn(missing_docs)]
+
+pub mod codec;
+pub mod complex;
+pub mod container;
+pub mod lattice;
+pub mod mesh;
+
+#[cfg(feature = "encode")]
+pub mod metric;
+#[cfg(feature = "formats")]
+pub mod read;
+#[cfg(feature = "encode")]
+pub mod simplify;
+#[cfg(feature = "formats")]
+pub mod write;
