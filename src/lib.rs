@@ -10,6 +10,9 @@
 pub mod codec;
 pub mod complex;
 pub mod container;
+pub mod decode;
+#[cfg(feature = "encode")]
+pub mod encode;
 pub mod lattice;
 pub mod mesh;
 
