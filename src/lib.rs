@@ -13,6 +13,8 @@ pub mod container;
 pub mod decode;
 #[cfg(feature = "encode")]
 pub mod encode;
+#[cfg(feature = "samples")]
+pub mod generate;
 pub mod lattice;
 pub mod mesh;
 
