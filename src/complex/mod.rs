@@ -3,8 +3,17 @@
 //! Follows Caillaud et al. 2016, section 4.1 (generic edge collapse and vertex split), with levels as multisets:
 //! elements that become equal stay, both.
 
+mod batch;
+mod coarsen;
 mod level;
+pub mod placement;
+mod refine;
 mod star;
+#[cfg(test)]
+pub(crate) mod tests;
 
+pub use batch::{Batch, Inserted, Side, Split};
+pub use coarsen::{Coarsened, Placement, coarsen, legal};
 pub use level::{Faces, Level};
+pub use refine::{NEW, NONE, Origin, refine};
 pub use star::Star;

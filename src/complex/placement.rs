@@ -1,0 +1,139 @@
+//! Where a merged vertex lies, in integers that both directions repeat.
+//!
+//! The midpoint of its children, with alternating rounding so that it does not drift, plus a curvature
+//! compensation that depends on the ring alone (`design.md`: midpoints shrink a convex surface; half the
+//! sagitta that the ring predicts, times `alpha`, puts it back).
+
+use super::{Level, Star};
+
+/// Lower bound of a midpoint and back. `bias` is 0 or 1.
+#[inline]
+pub fn midpoint(p1: [i32; 3], p2: [i32; 3], bias: i32) -> [i32; 3] {
+    std::array::from_fn(|k| (p1[k] + p2[k] + bias) >> 1)
+}
+
+/// The children of `v` whose difference is `delta`: the inverse of [`midpoint`].
+///
+/// The parity of the sum is that of the difference, so nothing else is needed. Wraps instead of overflowing, for
+/// hostile streams; the caller checks the range of the result.
+#[inline]
+pub fn children(v: [i32; 3], delta: [i32; 3], bias: i32) -> ([i32; 3], [i32; 3]) {
+    let p1: [i32; 3] = std::array::from_fn(|k| {
+        let sum = v[k].wrapping_mul(2).wrapping_sub(bias).wrapping_add(delta[k].wrapping_add(bias) & 1);
+        sum.wrapping_add(delta[k]) >> 1
+    });
+    (p1, std::array::from_fn(|k| p1[k].wrapping_sub(delta[k])))
+}
+
+/// A vector scaled so that its largest component has 15 bits, then to length 2^14. Zero stays zero.
+#[inline]
+pub fn unit(v: [i64; 3]) -> [i64; 3] {
+    let m = (v[0].unsigned_abs() | v[1].unsigned_abs() | v[2].unsigned_abs()).max(1);
+    let bits = 64 - m.leading_zeros() as i32;
+    let s: [i64; 3] = if bits > 20 { v.map(|c| c >> (bits - 20)) } else { v.map(|c| c << (20 - bits)) };
+    let len = ((s[0] * s[0] + s[1] * s[1] + s[2] * s[2]) as u64).isqrt() as i64;
+    if len == 0 { [0; 3] } else { s.map(|c| (c << 14) / len) }
+}
+
+/// Cross product.
+#[inline]
+pub fn cross(a: [i64; 3], b: [i64; 3]) -> [i64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// Dot product.
+#[inline]
+pub fn dot(a: [i64; 3], b: [i64; 3]) -> i64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// `a − b` in 64 bits.
+#[inline]
+pub fn sub(a: [i32; 3], b: [i32; 3]) -> [i64; 3] {
+    std::array::from_fn(|k| a[k] as i64 - b[k] as i64)
+}
+
+/// What curvature compensation adds to the midpoint at `v`: `alpha/256 · o · N`.
+///
+/// `o` is the mean over the ring of `(r − c)·n_r`, with `c` the ring's centroid and `n_r` the unit normal at `r` from its
+/// elements that name no vertex of `merged`; `N` is the direction of the mean normal. `level` is the coarser level, in which `v` stands
+/// for both children; nothing here depends on where `v` lies.
+pub fn compensation(level: &Level, star: &Star, merged: &[bool], v: u32, alpha: u8) -> [i32; 3] {
+    if alpha == 0 {
+        return [0; 3];
+    }
+    let p = &level.positions;
+    let mut sum = [0i64; 3];
+    let mut n = 0i64;
+    for &f in star.get(v) {
+        let c = level.faces.get(f);
+        if c.len() < 3 {
+            continue;
+        }
+        let at = c.iter().position(|&x| x == v).unwrap_or(0);
+        let next = p[c[(at + 1) % c.len()] as usize];
+        for k in 0..3 {
+            sum[k] += next[k] as i64;
+        }
+        n += 1;
+    }
+    if !(3..=64).contains(&n) {
+        return [0; 3];
+    }
+    let (mut total, mut normal) = (0i64, [0i64; 3]);
+    for &f in star.get(v) {
+        let c = level.faces.get(f);
+        if c.len() < 3 {
+            continue;
+        }
+        let at = c.iter().position(|&x| x == v).unwrap_or(0);
+        let r = c[(at + 1) % c.len()];
+        let mut area = [0i64; 3];
+        for &g in star.get(r).iter().take(64) {
+            let d = level.faces.get(g);
+            if d.len() < 3 || d.iter().any(|&x| merged[x as usize]) {
+                continue;
+            }
+            let at = d.iter().position(|&x| x == r).unwrap_or(0);
+            let (next, prev) = (d[(at + 1) % d.len()], d[(at + d.len() - 1) % d.len()]);
+            let x = cross(sub(p[next as usize], p[r as usize]), sub(p[prev as usize], p[r as usize]));
+            for k in 0..3 {
+                area[k] += x[k];
+            }
+        }
+        let u = unit(area);
+        // n·(r − c), times n: 2^14 · 2^26 · 2^6 stays far below 2^63.
+        let q = p[r as usize];
+        let from_centroid: [i64; 3] = std::array::from_fn(|k| q[k] as i64 * n - sum[k]);
+        total += dot(from_centroid, u);
+        for k in 0..3 {
+            normal[k] += u[k];
+        }
+    }
+    let direction = unit(normal);
+    // total / (n·n) is o in 2^14ths of a step.
+    let o = total / (n * n) * alpha as i64 / 256;
+    std::array::from_fn(|k| ((o * direction[k] + (1 << 27)) >> 28) as i32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn children_invert_midpoint(a in prop::array::uniform3(-(1i32 << 25)..1 << 25), b in prop::array::uniform3(-(1i32 << 25)..1 << 25), bias in 0..2) {
+            let v = midpoint(a, b, bias);
+            let delta = std::array::from_fn(|k| a[k] - b[k]);
+            prop_assert_eq!(children(v, delta, bias), (a, b));
+        }
+
+        #[test]
+        fn units_have_unit_length(v in prop::array::uniform3(-(1i64 << 59)..1 << 59)) {
+            let u = unit(v);
+            let len = ((u[0] * u[0] + u[1] * u[1] + u[2] * u[2]) as f64).sqrt();
+            prop_assert!(v == [0; 3] || (len - 16384.0).abs() < 4.0, "{len}");
+        }
+    }
+}
