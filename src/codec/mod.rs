@@ -2,4 +2,5 @@
 //!
 //! Everything here is integer arithmetic with stated widths, so that a file decodes alike on every machine.
 
+pub mod points;
 pub mod range;
