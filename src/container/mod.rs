@@ -1,1 +1,48 @@
-//! (being built)
+//! The `.lods` file around the chunks: what stands where, and that every byte is what was written.
+//!
+//! The front of a file (magic number, version, header, level table, chunk table) is small and tells a client all it needs to
+//! plan; the payloads of the chunks follow in streaming order, so that any prefix that ends behind a level's last chunk holds
+//! that level. `FORMAT.md`, "Container", is the normative text.
+//!
+//! Invariants: every byte of a file is covered by exactly one CRC-32 (the front's or a chunk's); nothing follows the last
+//! chunk; no allocation goes by what a file claims before [`Front::check_memory`] was asked, beyond the tables, which are
+//! bounded by the bytes at hand and [`MAX_LEVELS`]. A reader never panics, whatever the bytes.
+//!
+//! [`write()`] makes a file. [`Front::parse`] and [`Front::payload`] read one that lies in memory, [`Reader`] one that arrives
+//! in pieces.
+
+mod chunk;
+mod error;
+mod front;
+mod header;
+mod reader;
+mod table;
+#[cfg(test)]
+mod tests;
+
+pub use chunk::{Chunk, ChunkInfo, FIRST_OPTIONAL_KIND, Kind};
+pub use error::{ContainerError, Place};
+pub use front::{Front, Parsed, write, write_front};
+pub use header::{AsideCounts, ErrorBound, Header, LevelInfo, MAX_COUNT, MAX_LEVELS, MAX_SHIFT};
+pub use reader::{Event, Reader};
+
+/// The first bytes of every file: a byte that is no ASCII, the name, and line ends that a transfer as text would change.
+pub const MAGIC: [u8; 8] = *b"\x8cLODS\r\n\n";
+
+/// The version of the format that is written, and the only one that is read.
+pub const VERSION: u8 = 1;
+
+/// The bits of [`Header::required`] that this decoder knows.
+pub const KNOWN_REQUIRED: u64 = 0;
+
+/// The most bytes between the length of the front and its checksum.
+pub const MAX_BODY: u64 = 1 << 26;
+
+/// Bytes of memory that decoding takes for each vertex of the finest level asked for, that of the level before it included.
+pub const MEMORY_PER_VERTEX: u64 = 64;
+
+/// Bytes of memory that decoding takes for each element of the finest level asked for.
+pub const MEMORY_PER_ELEMENT: u64 = 8;
+
+/// Bytes of memory that decoding takes for each corner of the finest level asked for.
+pub const MEMORY_PER_CORNER: u64 = 12;

@@ -1,0 +1,249 @@
+//! Chunks: what kinds there are, and in what order they may stand.
+
+use super::error::{ContainerError, Place, inconsistent};
+use super::header::Header;
+use std::fmt;
+use std::ops::RangeInclusive;
+
+/// Kinds from here on may be skipped by a decoder that does not know them; those below have to be understood.
+pub const FIRST_OPTIONAL_KIND: u8 = 128;
+
+/// What a chunk holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Kind {
+    /// Level 0 and the levels that are coded together with it (number 0).
+    Base,
+    /// A run of consecutive levels that share one chunk (number 1).
+    Levels,
+    /// One segment of the batch that leads to a level, or to a run of levels (number 2).
+    Segment,
+    /// The elements that repeat a vertex, at the full level (number 3).
+    Aside,
+    /// A kind that this decoder does not know. It may skip those from [`FIRST_OPTIONAL_KIND`] on, and has to refuse a file
+    /// with any other.
+    Other(u8),
+}
+
+impl Kind {
+    /// The number of the kind in the file.
+    pub fn number(self) -> u8 {
+        match self {
+            Kind::Base => 0,
+            Kind::Levels => 1,
+            Kind::Segment => 2,
+            Kind::Aside => 3,
+            Kind::Other(number) => number,
+        }
+    }
+
+    /// The kind with the given number.
+    pub fn from_number(number: u8) -> Self {
+        match number {
+            0 => Kind::Base,
+            1 => Kind::Levels,
+            2 => Kind::Segment,
+            3 => Kind::Aside,
+            number => Kind::Other(number),
+        }
+    }
+}
+
+impl fmt::Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Kind::Base => write!(f, "base"),
+            Kind::Levels => write!(f, "levels"),
+            Kind::Segment => write!(f, "segment"),
+            Kind::Aside => write!(f, "aside"),
+            Kind::Other(number) => write!(f, "kind {number}"),
+        }
+    }
+}
+
+/// A chunk on its way into a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Chunk {
+    /// What it holds.
+    pub kind: Kind,
+    /// The first level that it serves.
+    pub first_level: u32,
+    /// The last level that it serves.
+    pub last_level: u32,
+    /// Its number among the segments of these levels, from 0.
+    pub segment: u32,
+    /// How many segments these levels have, at least 1.
+    pub segments: u32,
+    /// Bytes of working memory that decoding it takes beyond the levels themselves; rounded up by
+    /// at most an eighth (and to at least 64) in the file.
+    pub memory: u64,
+    /// Its bytes.
+    pub payload: Vec<u8>,
+}
+
+impl Chunk {
+    /// Level 0 and the levels coded with it, up to `last`.
+    pub fn base(last: u32, payload: Vec<u8>) -> Self {
+        Chunk { kind: Kind::Base, first_level: 0, last_level: last, segment: 0, segments: 1, memory: 0, payload }
+    }
+
+    /// A run of levels in one chunk.
+    pub fn levels(levels: RangeInclusive<u32>, payload: Vec<u8>) -> Self {
+        let (first_level, last_level) = levels.into_inner();
+        Chunk { kind: Kind::Levels, first_level, last_level, segment: 0, segments: 1, memory: 0, payload }
+    }
+
+    /// Segment `segment` of the `segments` segments of the batch that leads to `level`.
+    pub fn segment(level: u32, segment: u32, segments: u32, payload: Vec<u8>) -> Self {
+        Chunk { kind: Kind::Segment, first_level: level, last_level: level, segment, segments, memory: 0, payload }
+    }
+
+    /// The elements that repeat a vertex.
+    pub fn aside(full_level: u32, payload: Vec<u8>) -> Self {
+        Chunk {
+            kind: Kind::Aside,
+            first_level: full_level,
+            last_level: full_level,
+            segment: 0,
+            segments: 1,
+            memory: 0,
+            payload,
+        }
+    }
+
+    /// The same chunk, with its need for working memory stated.
+    #[must_use]
+    pub fn with_memory(mut self, bytes: u64) -> Self {
+        self.memory = bytes;
+        self
+    }
+}
+
+/// A row of the chunk table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ChunkInfo {
+    /// What it holds.
+    pub kind: Kind,
+    /// The first level that it serves.
+    pub first_level: u32,
+    /// The last level that it serves.
+    pub last_level: u32,
+    /// Its number among the segments of these levels, from 0.
+    pub segment: u32,
+    /// How many segments these levels have, at least 1.
+    pub segments: u32,
+    /// Bytes of working memory that decoding it takes, as the encoder says: for planning, not for allocating.
+    pub memory: u64,
+    /// Its first byte in the file.
+    pub offset: u64,
+    /// Its length in bytes.
+    pub length: u64,
+    /// CRC-32 of its bytes.
+    pub checksum: u32,
+}
+
+impl ChunkInfo {
+    /// The first byte behind it.
+    pub fn end(&self) -> u64 {
+        self.offset.saturating_add(self.length)
+    }
+}
+
+/// The largest code of an amount of memory: 15 · 2^42 bytes, which also stands for anything larger.
+pub(super) const MAX_MEMORY_CODE: u16 = 320;
+
+/// The code of the smallest amount on the memory scale that is at least `bytes`: 0 for 0, `m + 1` for
+/// `(8 + m % 8) << (m / 8)` times 8 bytes.
+pub(super) fn memory_code(bytes: u64) -> u16 {
+    let (mut lo, mut hi) = (0u16, MAX_MEMORY_CODE);
+    while lo < hi {
+        let middle = (lo + hi) / 2;
+        if memory_amount(middle) >= bytes {
+            hi = middle;
+        } else {
+            lo = middle + 1;
+        }
+    }
+    lo
+}
+
+/// The amount of memory with the given code.
+pub(super) fn memory_amount(code: u16) -> u64 {
+    match code {
+        0 => 0,
+        _ => {
+            let m = (code.min(MAX_MEMORY_CODE) - 1) as u64;
+            ((8 + m % 8) << (m / 8)) * 8
+        }
+    }
+}
+
+/// Check that the chunks stand in an order in which a decoder can use them and cover every level.
+///
+/// Returns for each level how many chunks, from the first, it needs.
+pub(super) fn check_order(header: &Header, chunks: &[ChunkInfo]) -> Result<Vec<usize>, ContainerError> {
+    let levels = header.levels.len() as u64;
+    let mut needs = Vec::with_capacity(header.levels.len());
+    // The last level, number of segments and next segment of a run of segments that is not finished.
+    let mut open: Option<(u32, u32, u32)> = None;
+    let mut aside = false;
+    for (index, c) in chunks.iter().enumerate() {
+        let fail = |what| inconsistent(Place::Chunk(index), what);
+        let next = needs.len() as u64;
+        if let Kind::Other(kind @ ..FIRST_OPTIONAL_KIND) = c.kind {
+            return Err(ContainerError::RequiredChunk { index, kind });
+        }
+        if c.first_level > c.last_level || c.last_level as u64 >= levels {
+            return fail("levels that the file does not have");
+        }
+        if c.segment >= c.segments {
+            return fail("a segment beyond the number of segments");
+        }
+        if c.segments != 1 && matches!(c.kind, Kind::Base | Kind::Levels | Kind::Aside) {
+            return fail("segments of a kind that has none");
+        }
+        match c.kind {
+            Kind::Other(_) => continue,
+            Kind::Aside => {
+                if next != levels || c.first_level as u64 + 1 != levels || aside {
+                    return fail("elements that travel aside have to follow the full level, once");
+                }
+                if header.aside.elements == 0 {
+                    return fail("elements that travel aside, but the header has none");
+                }
+                aside = true;
+                if let Some(need) = needs.last_mut() {
+                    *need = index + 1;
+                }
+                continue;
+            }
+            Kind::Base | Kind::Levels | Kind::Segment => {}
+        }
+        if (c.kind == Kind::Base) != (next == 0) {
+            return fail("the first chunk of levels has to be a base, and only the first");
+        }
+        if c.first_level as u64 != next {
+            return fail("levels left out or told twice");
+        }
+        let in_order = match open {
+            None => c.segment == 0,
+            Some(expected) => c.kind == Kind::Segment && (c.last_level, c.segments, c.segment) == expected,
+        };
+        if !in_order {
+            return fail("segments out of order");
+        }
+        if c.segment + 1 == c.segments {
+            open = None;
+            needs.resize(c.last_level as usize + 1, index + 1);
+        } else {
+            open = Some((c.last_level, c.segments, c.segment + 1));
+        }
+    }
+    if needs.len() as u64 != levels || open.is_some() {
+        return inconsistent(Place::Header, "the chunks do not cover all levels");
+    }
+    if aside != (header.aside.elements > 0) {
+        return inconsistent(Place::Header, "the chunk of the elements that travel aside is missing");
+    }
+    Ok(needs)
+}
