@@ -1,1 +1,233 @@
-//! (being built)
+//! Reading: every mesh format in, one [`Mesh`] out.
+//!
+//! OBJ, PLY, STL, OFF, glTF and GLB, each also packed with gzip. A file is taken into memory whole and parsed in
+//! place; positions come out as `f64` exactly as the file has them (glTF: after the transforms of its nodes).
+//! What a file holds beside geometry and connectivity is left out, and a [`Warning`] names and counts it.
+//!
+//! Nothing is allocated that the size of the input does not justify, and no input makes a reader panic: it gets
+//! a [`ReadError`] that says where, what is wrong and what to do.
+
+mod build;
+mod error;
+mod gltf;
+mod obj;
+mod off;
+mod ply;
+mod stl;
+mod text;
+mod warning;
+mod weld;
+
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
+
+use crate::mesh::Mesh;
+use build::Budget;
+use error::{Fail, printable};
+
+pub use error::{Place, ReadError, ReadErrorKind};
+pub(crate) use warning::counted;
+pub use warning::{Layer, Warning};
+
+/// The formats that can be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Format {
+    /// Wavefront OBJ.
+    Obj,
+    /// Polygon file format, ASCII or binary of either byte order.
+    Ply,
+    /// Stereolithography, ASCII or binary.
+    Stl,
+    /// Object file format of Geomview, ASCII.
+    Off,
+    /// glTF 2.0 as JSON with buffers beside it or inside.
+    Gltf,
+    /// glTF 2.0 in one binary file.
+    Glb,
+}
+
+impl Format {
+    /// All formats.
+    pub const ALL: [Format; 6] = [Format::Obj, Format::Ply, Format::Stl, Format::Off, Format::Gltf, Format::Glb];
+
+    /// Its extension, in lower case and without the dot; also its name on a command line.
+    pub fn extension(self) -> &'static str {
+        match self {
+            Format::Obj => "obj",
+            Format::Ply => "ply",
+            Format::Stl => "stl",
+            Format::Off => "off",
+            Format::Gltf => "gltf",
+            Format::Glb => "glb",
+        }
+    }
+
+    /// The format with this extension or name, in any case, without a dot.
+    pub fn from_extension(extension: &str) -> Option<Format> {
+        Format::ALL.into_iter().find(|f| f.extension().eq_ignore_ascii_case(extension))
+    }
+
+    /// The format that the extension of a path names; a last `.gz` is looked through.
+    ///
+    /// # Errors
+    /// The extension that is not known, empty when there is none.
+    pub fn from_path(path: &Path) -> Result<Format, String> {
+        let extension = |p: &Path| p.extension().map(|e| e.to_string_lossy().into_owned()).unwrap_or_default();
+        let mut last = extension(path);
+        if last.eq_ignore_ascii_case("gz") {
+            last = path.file_stem().map(|stem| extension(Path::new(stem))).unwrap_or_default();
+        }
+        Format::from_extension(&last).ok_or(last)
+    }
+}
+
+/// How to read.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ReadOptions {
+    /// Join vertex records at equal positions. `None`: as the format needs it; STL, glTF, GLB and PLY with texture
+    /// coordinates on vertices are welded, all others not.
+    pub weld: Option<bool>,
+    /// The most bytes of memory that the input and the mesh may take together; `None`: no limit.
+    pub memory_limit: Option<u64>,
+}
+
+/// What a file held.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReadMesh {
+    /// The mesh; it is valid (see [`Mesh::validate`]).
+    pub mesh: Mesh,
+    /// For each vertex record of the file, in its order, the vertex of the mesh. Records are: the vertices of OBJ,
+    /// PLY and OFF; the corners of STL; for glTF the positions of each mesh of each node (and instance), depth first.
+    pub map: Vec<u32>,
+    /// What was left out or read otherwise.
+    pub warnings: Vec<Warning>,
+}
+
+/// Read a mesh file; its extension names the format, and `.gz` behind it is unpacked.
+///
+/// # Errors
+/// See [`ReadErrorKind`].
+pub fn read_path(path: impl AsRef<Path>, options: &ReadOptions) -> Result<ReadMesh, ReadError> {
+    let path = path.as_ref();
+    let name = path.display().to_string();
+    let fail = |kind| ReadError { name: name.clone(), place: None, kind };
+    let io_fail = |e: &io::Error| fail(io_kind(e));
+    // A missing file or a folder is the likelier mistake, so it is looked for before the extension.
+    let meta = std::fs::metadata(path).map_err(|e| io_fail(&e))?;
+    if meta.is_dir() {
+        return Err(fail(ReadErrorKind::Directory));
+    }
+    let format = Format::from_path(path).map_err(|extension| fail(ReadErrorKind::UnknownExtension { extension }))?;
+    let file = File::open(path).map_err(|e| io_fail(&e))?;
+    let bytes = slurp(file, meta.len(), options).map_err(|e| e.named(&name))?;
+    let packed = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz"));
+    if packed && !bytes.starts_with(GZIP) {
+        let found = printable(&bytes);
+        return Err(fail(ReadErrorKind::WrongMagic { format: "gzip", expected: "1f 8b", found }));
+    }
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    parse_owned(bytes, format, Some(folder), options).map_err(|e| e.named(&name))
+}
+
+/// Read a mesh from a stream such as standard input, which `name` stands for in errors. Gzip is recognized.
+///
+/// `base_dir`: the folder of files that a glTF refers to; without it such a reference is an error.
+///
+/// # Errors
+/// See [`ReadErrorKind`].
+pub fn read_from(
+    reader: impl Read,
+    name: &str,
+    format: Format,
+    base_dir: Option<&Path>,
+    options: &ReadOptions,
+) -> Result<ReadMesh, ReadError> {
+    let read = || parse_owned(slurp(reader, 0, options)?, format, base_dir, options);
+    read().map_err(|e| e.named(name))
+}
+
+/// Read a mesh from memory. Gzip is recognized. Errors call the input `input`.
+///
+/// `base_dir`: the folder of files that a glTF refers to; without it such a reference is an error.
+///
+/// # Errors
+/// See [`ReadErrorKind`].
+pub fn read_bytes(
+    bytes: &[u8],
+    format: Format,
+    base_dir: Option<&Path>,
+    options: &ReadOptions,
+) -> Result<ReadMesh, ReadError> {
+    let read = || {
+        if bytes.starts_with(GZIP) {
+            return parse(&unpack(bytes, options)?, format, base_dir, options);
+        }
+        parse(bytes, format, base_dir, options)
+    };
+    read().map_err(|e: Fail| e.named("input"))
+}
+
+const GZIP: &[u8] = &[0x1f, 0x8b];
+
+fn parse_owned(
+    mut bytes: Vec<u8>,
+    format: Format,
+    base_dir: Option<&Path>,
+    options: &ReadOptions,
+) -> Result<ReadMesh, Fail> {
+    if bytes.starts_with(GZIP) {
+        bytes = unpack(&bytes, options)?;
+    }
+    parse(&bytes, format, base_dir, options)
+}
+
+fn parse(bytes: &[u8], format: Format, base_dir: Option<&Path>, options: &ReadOptions) -> Result<ReadMesh, Fail> {
+    match format {
+        Format::Obj => obj::read(bytes, options),
+        Format::Ply => ply::read(bytes, options),
+        Format::Stl => stl::read(bytes, options),
+        Format::Off => off::read(bytes, options),
+        Format::Gltf | Format::Glb => gltf::read(bytes, base_dir, options),
+    }
+}
+
+/// All bytes of a reader, within the memory limit. `size`: a guess.
+fn slurp(reader: impl Read, size: u64, options: &ReadOptions) -> Result<Vec<u8>, Fail> {
+    let mut bytes = Vec::new();
+    let mut budget = Budget::new(0, options.memory_limit);
+    // A directory entry may lie, but it lies about a file that is there: still no more than the limit allows.
+    budget.reserve(&mut bytes, usize::try_from(size.saturating_add(1)).unwrap_or(usize::MAX))?;
+    let limit = options.memory_limit.unwrap_or(u64::MAX - 1);
+    reader.take(limit.saturating_add(1)).read_to_end(&mut bytes).map_err(|e| io_kind(&e))?;
+    if bytes.len() as u64 > limit {
+        return Err(ReadErrorKind::Memory { needed: bytes.len() as u64, limit: options.memory_limit }.into());
+    }
+    Ok(bytes)
+}
+
+/// Unpack gzip data of any number of members.
+fn unpack(bytes: &[u8], options: &ReadOptions) -> Result<Vec<u8>, Fail> {
+    let held = bytes.len() as u64;
+    let limit = options.memory_limit.map(|l| l.saturating_sub(held));
+    let within = ReadOptions { memory_limit: limit, ..options.clone() };
+    slurp(flate2::read::MultiGzDecoder::new(bytes), 0, &within).map_err(|fail| {
+        let kind = match fail.kind {
+            ReadErrorKind::Io(message) => ReadErrorKind::Gzip(message),
+            ReadErrorKind::Memory { needed, .. } => {
+                ReadErrorKind::Memory { needed: needed + held, limit: options.memory_limit }
+            }
+            kind => kind,
+        };
+        kind.into()
+    })
+}
+
+fn io_kind(e: &io::Error) -> ReadErrorKind {
+    match e.kind() {
+        io::ErrorKind::NotFound | io::ErrorKind::NotADirectory => ReadErrorKind::NotFound,
+        io::ErrorKind::IsADirectory => ReadErrorKind::Directory,
+        io::ErrorKind::PermissionDenied => ReadErrorKind::Permission,
+        _ => ReadErrorKind::Io(e.to_string()),
+    }
+}

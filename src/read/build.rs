@@ -1,0 +1,330 @@
+//! Where all readers meet: vertices, faces and edges go in as a file has them, a [`Mesh`] and its warnings come out.
+//!
+//! Corners name *records* (vertices in the order of the file) until [`Builder::finish`] maps them to welded
+//! vertices; so forward references need no care. Nothing grows past the memory limit or past 32-bit counts.
+
+use std::collections::BTreeMap;
+
+use super::error::ReadErrorKind;
+use super::warning::{Layer, Warning};
+use super::weld::Welder;
+use super::{ReadMesh, ReadOptions};
+use crate::mesh::Mesh;
+
+pub(super) use super::error::ReadErrorKind as Kind;
+
+/// The largest number of vertices, corners or faces.
+pub(super) const MAX: usize = u32::MAX as usize - 1;
+
+/// Bytes in use against the bytes allowed.
+pub(super) struct Budget {
+    used: u64,
+    limit: Option<u64>,
+}
+
+impl Budget {
+    pub fn new(used: u64, limit: Option<u64>) -> Self {
+        Budget { used, limit }
+    }
+
+    /// Count `bytes` as used, if they are allowed.
+    pub fn take(&mut self, bytes: u64) -> Result<(), Kind> {
+        let needed = self.used.saturating_add(bytes);
+        match self.limit {
+            Some(limit) if needed > limit => Err(ReadErrorKind::Memory { needed, limit: Some(limit) }),
+            _ => {
+                self.used = needed;
+                Ok(())
+            }
+        }
+    }
+
+    pub fn release(&mut self, bytes: u64) {
+        self.used = self.used.saturating_sub(bytes);
+    }
+
+    /// Room for `more` further items of `v`, exactly.
+    pub fn reserve<T>(&mut self, v: &mut Vec<T>, more: usize) -> Result<(), Kind> {
+        let size = size_of::<T>() as u64;
+        let wanted = (v.len() as u64).saturating_add(more as u64).saturating_sub(v.capacity() as u64);
+        let bytes = wanted.saturating_mul(size);
+        self.take(bytes)?;
+        v.try_reserve_exact(more).map_err(|_| ReadErrorKind::Memory { needed: self.used, limit: None })
+    }
+
+    /// Room for at least `more` further items of `v` and for growth: half as much again.
+    #[cold]
+    pub fn grow<T>(&mut self, v: &mut Vec<T>, more: usize, what: &'static str) -> Result<(), Kind> {
+        if v.len() + more > MAX {
+            return Err(ReadErrorKind::TooLarge { what, limit: MAX as u64 });
+        }
+        let extra = (v.len() / 2).max(more).max(64).min(MAX - v.len());
+        self.reserve(v, extra)
+    }
+}
+
+/// Counts that become warnings.
+#[derive(Default)]
+pub(super) struct Tally {
+    small_faces: u64,
+    empty_faces: u64,
+    point_edges: u64,
+    pub strip_connectors: u64,
+    layers: BTreeMap<Layer, u64>,
+    /// Warnings of one format, in the order in which they came up.
+    pub others: Vec<Warning>,
+}
+
+impl Tally {
+    /// `count` records of a layer were left out.
+    pub fn drop_layer(&mut self, layer: Layer, count: u64) {
+        if count > 0 {
+            *self.layers.entry(layer).or_default() += count;
+        }
+    }
+
+    fn warnings(self) -> Vec<Warning> {
+        let mut list = Vec::new();
+        let mut add = |count: u64, warning: fn(u64) -> Warning| {
+            if count > 0 {
+                list.push(warning(count));
+            }
+        };
+        add(self.small_faces, |count| Warning::SmallFaces { count });
+        add(self.empty_faces, |count| Warning::EmptyFaces { count });
+        add(self.point_edges, |count| Warning::PointEdges { count });
+        add(self.strip_connectors, |count| Warning::StripConnectors { count });
+        list.extend(self.layers.into_iter().map(|(layer, count)| Warning::NotCarried { layer, count }));
+        list.extend(self.others);
+        list
+    }
+}
+
+/// A mesh under construction.
+pub(super) struct Builder {
+    positions: Vec<[f64; 3]>,
+    face_start: Vec<u32>,
+    corners: Vec<u32>,
+    /// Where the open face begins in `corners`.
+    open: usize,
+    welder: Option<Welder>,
+    /// Record → vertex, while welding.
+    map: Vec<u32>,
+    pub budget: Budget,
+    pub tally: Tally,
+}
+
+impl Builder {
+    /// `weld_default`: what the format does when the options leave it open. `held`: bytes of input in memory.
+    pub fn new(options: &ReadOptions, weld_default: bool, held: usize) -> Self {
+        let welder = options.weld.unwrap_or(weld_default).then(Welder::new);
+        let budget = Budget::new(held as u64, options.memory_limit);
+        let (positions, face_start, corners, map) = Default::default();
+        Builder { positions, face_start, corners, open: 0, welder, map, budget, tally: Tally::default() }
+    }
+
+    /// Number of vertex records so far.
+    #[inline]
+    pub fn records(&self) -> usize {
+        if self.welder.is_some() { self.map.len() } else { self.positions.len() }
+    }
+
+    /// Room for `count` more vertex records; call only with counts that the input's size justifies.
+    pub fn expect_records(&mut self, count: usize) -> Result<(), Kind> {
+        if self.records().saturating_add(count) > MAX {
+            return Err(ReadErrorKind::TooLarge { what: "vertices", limit: MAX as u64 });
+        }
+        match self.welder {
+            Some(_) => self.budget.reserve(&mut self.map, count),
+            None => self.budget.reserve(&mut self.positions, count),
+        }
+    }
+
+    /// Room for `faces` more faces and `corners` more corners; call only with counts that the input's size justifies.
+    pub fn expect_faces(&mut self, faces: usize, corners: usize) -> Result<(), Kind> {
+        if self.corners.len().saturating_add(corners) > MAX {
+            return Err(ReadErrorKind::TooLarge { what: "corners", limit: MAX as u64 });
+        }
+        self.budget.reserve(&mut self.face_start, faces.saturating_add(1))?;
+        self.budget.reserve(&mut self.corners, corners)
+    }
+
+    /// The next vertex record.
+    #[inline]
+    pub fn vertex(&mut self, p: [f64; 3]) -> Result<(), Kind> {
+        // One sum instead of three tests: it is finite for all but absurd coordinates, and those are looked at again.
+        if !(p[0] + p[1] + p[2]).is_finite() {
+            self.check_finite(p)?;
+        }
+        match &mut self.welder {
+            None => {
+                if self.positions.len() == self.positions.capacity() {
+                    self.budget.grow(&mut self.positions, 1, "vertices")?;
+                }
+                self.positions.push(p);
+            }
+            Some(welder) => {
+                let v = welder.insert(&mut self.positions, p, &mut self.budget)?;
+                if self.map.len() == self.map.capacity() {
+                    self.budget.grow(&mut self.map, 1, "vertices")?;
+                }
+                self.map.push(v);
+            }
+        }
+        Ok(())
+    }
+
+    #[cold]
+    fn check_finite(&self, p: [f64; 3]) -> Result<(), Kind> {
+        match p.into_iter().find(|c| !c.is_finite()) {
+            Some(value) => Err(ReadErrorKind::NotFinite { vertex: self.records() as u64, value }),
+            None => Ok(()),
+        }
+    }
+
+    /// The next corner of the open face: a record that is, or will be, there (the reader checks).
+    #[inline]
+    pub fn corner(&mut self, record: u32) -> Result<(), Kind> {
+        if self.corners.len() == self.corners.capacity() {
+            self.budget.grow(&mut self.corners, 1, "corners")?;
+        }
+        self.corners.push(record);
+        Ok(())
+    }
+
+    /// Close the open face. Two corners make an edge, one a point, with a count.
+    #[inline]
+    pub fn end_face(&mut self) -> Result<(), Kind> {
+        if self.corners.len() - self.open < 3 {
+            return self.end_small_face();
+        }
+        self.end_element()
+    }
+
+    #[cold]
+    fn end_small_face(&mut self) -> Result<(), Kind> {
+        match self.corners[self.open..] {
+            [] => self.tally.empty_faces += 1,
+            [a, b] if a != b => {
+                self.tally.small_faces += 1;
+                return self.end_element();
+            }
+            [_, _] => {
+                self.tally.point_edges += 1;
+                self.corners.truncate(self.open);
+            }
+            _ => {
+                self.tally.small_faces += 1;
+                self.corners.truncate(self.open);
+            }
+        }
+        Ok(())
+    }
+
+    #[inline]
+    fn end_element(&mut self) -> Result<(), Kind> {
+        if self.face_start.len() + 1 >= self.face_start.capacity() {
+            self.budget.grow(&mut self.face_start, 2, "faces")?;
+        }
+        if self.face_start.is_empty() {
+            self.face_start.push(0);
+        }
+        self.open = self.corners.len();
+        self.face_start.push(self.open as u32);
+        Ok(())
+    }
+
+    /// A dangling edge.
+    pub fn edge(&mut self, a: u32, b: u32) -> Result<(), Kind> {
+        if a == b {
+            self.tally.point_edges += 1;
+            return Ok(());
+        }
+        self.corner(a)?;
+        self.corner(b)?;
+        self.end_element()
+    }
+
+    /// A triangle of a strip: one that repeats a vertex only joins the strip's parts.
+    #[inline]
+    pub fn strip_triangle(&mut self, t: [u32; 3]) -> Result<(), Kind> {
+        if t[0] == t[1] || t[1] == t[2] || t[0] == t[2] {
+            self.tally.strip_connectors += 1;
+            return Ok(());
+        }
+        self.triangle(t)
+    }
+
+    /// A triangle.
+    #[inline]
+    pub fn triangle(&mut self, t: [u32; 3]) -> Result<(), Kind> {
+        for v in t {
+            self.corner(v)?;
+        }
+        self.end_element()
+    }
+
+    /// The mesh, with corners mapped to welded vertices. Every corner must name a record that is there.
+    pub fn finish(mut self) -> Result<ReadMesh, Kind> {
+        for (what, count) in
+            [("vertices", self.records()), ("corners", self.corners.len()), ("faces", self.face_start.len())]
+        {
+            if count > MAX {
+                return Err(ReadErrorKind::TooLarge { what, limit: MAX as u64 });
+            }
+        }
+        let map = if let Some(welder) = self.welder.take() {
+            self.budget.release(welder.bytes());
+            drop(welder);
+            self.weld_faces();
+            self.map
+        } else {
+            let mut map = Vec::new();
+            self.budget.reserve(&mut map, self.positions.len())?;
+            map.extend(0..self.positions.len() as u32);
+            map
+        };
+        let mesh = Mesh { positions: self.positions, face_start: self.face_start, corners: self.corners };
+        debug_assert_eq!(mesh.validate(), Ok(()));
+        Ok(ReadMesh { mesh, map, warnings: self.tally.warnings() })
+    }
+
+    /// Corners from records to vertices; edges whose ends have become one vertex go.
+    fn weld_faces(&mut self) {
+        for c in &mut self.corners {
+            *c = self.map[*c as usize];
+        }
+        let (corners, starts) = (&mut self.corners, &mut self.face_start);
+        let closed = |c: &[u32], a: u32, b: u32| b - a == 2 && c[a as usize] == c[a as usize + 1];
+        if !starts.windows(2).any(|w| closed(corners, w[0], w[1])) {
+            return;
+        }
+        let (mut kept, mut to, mut from) = (0, 0, 0);
+        for f in 1..starts.len() {
+            let end = starts[f];
+            if closed(corners, from, end) {
+                self.tally.point_edges += 1;
+            } else {
+                corners.copy_within(from as usize..end as usize, to);
+                to += (end - from) as usize;
+                kept += 1;
+                starts[kept] = to as u32;
+            }
+            from = end;
+        }
+        starts.truncate(kept + 1);
+        if kept == 0 {
+            starts.clear();
+        }
+        corners.truncate(to);
+    }
+}
+
+/// A vertex number of a file that counts from 0, as a record below `vertices`.
+#[inline]
+pub(super) fn index_from_zero(index: i64, vertices: u64, what: &'static str) -> Result<u32, Kind> {
+    if index < 0 || index as u64 >= vertices {
+        return Err(ReadErrorKind::IndexOutOfRange { what, index, vertices, first: 0 });
+    }
+    Ok(index as u32)
+}

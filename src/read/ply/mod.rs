@@ -1,0 +1,383 @@
+//! PLY, ASCII and binary: `vertex`, `face` of any degree, `tristrips` (−1 restarts) and `edge` as dangling edges.
+//!
+//! Elements come in the order of the header, which may put faces before vertices: vertex numbers are held against
+//! the announced count. Every count is held against the bytes that are left before anything is made for it.
+//! Vertices with texture coordinates repeat along seams, so such files are welded by default.
+
+mod header;
+mod source;
+#[cfg(test)]
+mod tests;
+
+use super::build::{Builder, Kind, MAX, index_from_zero};
+use super::error::{At, Fail, Place, ReadErrorKind};
+use super::text::Cursor;
+use super::warning::{Layer, Warning};
+use super::{ReadMesh, ReadOptions};
+use header::{Element, Encoding, Header, Scalar};
+use source::{Ascii, Binary, Source};
+
+const LIST_NAMES: [&str; 2] = ["vertex_indices", "vertex_index"];
+
+/// What an element means.
+enum Role {
+    /// The properties x, y, z.
+    Vertices([usize; 3]),
+    /// The list of vertices.
+    Faces(usize),
+    /// The list of vertices.
+    Strips(usize),
+    /// The properties vertex1, vertex2.
+    Edges([usize; 2]),
+    Other,
+}
+
+pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<ReadMesh, Fail> {
+    let mut c = Cursor::new(bytes);
+    let header = header::read(&mut c, bytes)?;
+    let vertex = header.elements.iter().find(|e| e.name == "vertex");
+    let weld = vertex.is_some_and(|e| e.properties.iter().any(|p| layer(p.name) == Some(Layer::TextureCoordinates)));
+    let mut b = Builder::new(options, weld, bytes.len());
+    match header.encoding {
+        Encoding::Ascii => {
+            let mut source = Ascii(c);
+            for element in &header.elements {
+                read_element(&mut b, &mut source, &header, element, |_, _, _| Ok(false))?;
+            }
+            source.0.skip_space();
+            trailing(&mut b, source.remaining());
+        }
+        Encoding::Little => read_binary::<false>(&mut b, bytes, c.offset(), &header)?,
+        Encoding::Big => read_binary::<true>(&mut b, bytes, c.offset(), &header)?,
+    }
+    for element in &header.elements {
+        report(&mut b, element);
+    }
+    b.tally.drop_layer(Layer::Materials, header.textures);
+    Ok(b.finish()?)
+}
+
+fn read_binary<const BIG: bool>(b: &mut Builder, bytes: &[u8], pos: usize, header: &Header<'_>) -> Result<(), Fail> {
+    let mut source = Binary::<BIG> { bytes, pos };
+    for element in &header.elements {
+        read_element(b, &mut source, header, element, |b, source, job| match job.role {
+            Role::Vertices(xyz) => fast_vertices(b, source, job.element, *xyz),
+            Role::Faces(list) => fast_faces(b, source, job.element, *list, job.vertices),
+            _ => Ok(false),
+        })?;
+    }
+    trailing(b, source.remaining());
+    Ok(())
+}
+
+fn trailing(b: &mut Builder, count: u64) {
+    if count > 0 {
+        b.tally.others.push(Warning::TrailingBytes { count });
+    }
+}
+
+/// What an element holds, and which part of it means something.
+fn role(element: &Element<'_>) -> Result<Role, Kind> {
+    let missing = |property: &str| {
+        let name = element.name;
+        ReadErrorKind::Syntax(format!("the element `{name}` has no {property}; add it to the header and the data"))
+    };
+    let scalar = |name: &str| element.scalar(name).ok_or_else(|| missing(&format!("property `{name}`")));
+    let list = || element.list(&LIST_NAMES).ok_or_else(|| missing("list property `vertex_indices`"));
+    Ok(match element.name {
+        _ if element.count == 0 => Role::Other,
+        "vertex" => Role::Vertices([scalar("x")?, scalar("y")?, scalar("z")?]),
+        "face" => Role::Faces(list()?),
+        "tristrips" => Role::Strips(list()?),
+        "edge" => Role::Edges([scalar("vertex1")?, scalar("vertex2")?]),
+        _ => Role::Other,
+    })
+}
+
+/// An element and what to do with it.
+struct Job<'a> {
+    element: &'a Element<'a>,
+    role: &'a Role,
+    /// The announced number of vertices.
+    vertices: u64,
+}
+
+/// Read one element; `fast` may take it over by returning true.
+fn read_element<S: Source>(
+    b: &mut Builder,
+    source: &mut S,
+    header: &Header<'_>,
+    element: &Element<'_>,
+    fast: impl FnOnce(&mut Builder, &mut S, &Job<'_>) -> Result<bool, Fail>,
+) -> Result<(), Fail> {
+    let in_header = || Place::Line(element.line);
+    let role = role(element).at(in_header)?;
+    let least = element.least_bytes(header.encoding);
+    // The last number of an ASCII file needs nothing behind it.
+    let left = source.remaining() + u64::from(header.encoding == Encoding::Ascii);
+    if element.count.saturating_mul(least) > left {
+        let (what, count, bytes) = (format!("elements `{}`", element.name), element.count, source.remaining());
+        return Err(ReadErrorKind::Count { what, count, bytes }).at(in_header);
+    }
+    if least == 0 {
+        return Ok(());
+    }
+    let count = element.count as usize;
+    let vertices = header.elements.iter().find(|e| e.name == "vertex").map_or(0, |e| e.count);
+    match role {
+        Role::Vertices(_) => b.expect_records(count).at(in_header)?,
+        Role::Faces(_) if element.count > MAX as u64 => {
+            return Err(ReadErrorKind::TooLarge { what: "faces", limit: MAX as u64 }).at(in_header);
+        }
+        Role::Faces(_) => b.expect_faces(count, 0).at(in_header)?,
+        _ => {}
+    }
+    if fast(b, source, &Job { element, role: &role, vertices })? {
+        return Ok(());
+    }
+    match role {
+        Role::Vertices(xyz) => read_vertices(b, source, element, xyz),
+        Role::Faces(list) => read_lists(b, source, element, list, vertices, false),
+        Role::Strips(list) => read_lists(b, source, element, list, vertices, true),
+        Role::Edges(ends) => read_edges(b, source, element, ends, vertices),
+        Role::Other => {
+            for _ in 0..element.count {
+                skip_properties(source, &element.properties)?;
+            }
+            Ok(())
+        }
+    }
+}
+
+fn skip_properties<S: Source>(source: &mut S, properties: &[header::Property<'_>]) -> Result<(), Fail> {
+    for p in properties {
+        let place = source.place();
+        match p.list {
+            None => source.skip(p.scalar, 1),
+            Some(count) => list_length(source, count).and_then(|n| source.skip(p.scalar, n)),
+        }
+        .at(|| place)?;
+    }
+    Ok(())
+}
+
+#[inline]
+fn list_length<S: Source>(source: &mut S, scalar: Scalar) -> Result<u64, Kind> {
+    let n = source.whole(scalar)?;
+    u64::try_from(n).map_err(|_| ReadErrorKind::Syntax(format!("a list of {n} items; mend the count")))
+}
+
+fn read_vertices<S: Source>(b: &mut Builder, source: &mut S, e: &Element<'_>, xyz: [usize; 3]) -> Result<(), Fail> {
+    for _ in 0..e.count {
+        let mut p = [0.0; 3];
+        let place = source.place();
+        for (i, property) in e.properties.iter().enumerate() {
+            match xyz.iter().position(|&k| k == i) {
+                Some(axis) => p[axis] = source.float(property.scalar).at(|| source.place())?,
+                None => skip_properties(source, std::slice::from_ref(property))?,
+            }
+        }
+        b.vertex(p).at(|| if matches!(place, Place::Line(_)) { source.place() } else { place })?;
+    }
+    Ok(())
+}
+
+/// Faces, or the strips of a `tristrips` element.
+fn read_lists<S: Source>(
+    b: &mut Builder,
+    source: &mut S,
+    e: &Element<'_>,
+    list: usize,
+    vertices: u64,
+    strips: bool,
+) -> Result<(), Fail> {
+    let property = &e.properties[list];
+    let count = property.list.unwrap_or(Scalar::U8);
+    for _ in 0..e.count {
+        skip_properties(source, &e.properties[..list])?;
+        let n = list_length(source, count).at(|| source.place())?;
+        if strips {
+            read_strip(b, source, property.scalar, n, vertices)?;
+        } else {
+            for _ in 0..n {
+                let index = source.whole(property.scalar).at(|| source.place())?;
+                let v = index_from_zero(index, vertices, "a face").at(|| source.place())?;
+                b.corner(v).at(|| source.place())?;
+            }
+            b.end_face().at(|| source.place())?;
+        }
+        skip_properties(source, &e.properties[list + 1..])?;
+    }
+    Ok(())
+}
+
+/// Each vertex makes a triangle with the two before it, every other one turned round; −1 begins a new strip.
+fn read_strip<S: Source>(b: &mut Builder, source: &mut S, item: Scalar, n: u64, vertices: u64) -> Result<(), Fail> {
+    let (mut last, mut length) = ([0; 2], 0u64);
+    for _ in 0..n {
+        let index = source.whole(item).at(|| source.place())?;
+        if index == -1 {
+            length = 0;
+            continue;
+        }
+        let v = index_from_zero(index, vertices, "a strip").at(|| source.place())?;
+        if length >= 2 {
+            let [u, w] = last;
+            let triangle = if length % 2 == 0 { [u, w, v] } else { [w, u, v] };
+            b.strip_triangle(triangle).at(|| source.place())?;
+        }
+        last = [last[1], v];
+        length += 1;
+    }
+    Ok(())
+}
+
+fn read_edges<S: Source>(
+    b: &mut Builder,
+    source: &mut S,
+    e: &Element<'_>,
+    ends: [usize; 2],
+    vertices: u64,
+) -> Result<(), Fail> {
+    for _ in 0..e.count {
+        let mut edge = [0; 2];
+        for (i, property) in e.properties.iter().enumerate() {
+            match ends.iter().position(|&k| k == i) {
+                Some(end) => {
+                    let index = source.whole(property.scalar).at(|| source.place())?;
+                    edge[end] = index_from_zero(index, vertices, "an edge").at(|| source.place())?;
+                }
+                None => skip_properties(source, std::slice::from_ref(property))?,
+            }
+        }
+        b.edge(edge[0], edge[1]).at(|| source.place())?;
+    }
+    Ok(())
+}
+
+/// Vertices of equal size with float coordinates, without a look at each property.
+fn fast_vertices<const BIG: bool>(
+    b: &mut Builder,
+    source: &mut Binary<'_, BIG>,
+    e: &Element<'_>,
+    xyz: [usize; 3],
+) -> Result<bool, Fail> {
+    let Some(stride) = e.stride() else { return Ok(false) };
+    let offset = |i: usize| e.properties[..i].iter().map(|p| p.scalar.size()).sum::<usize>();
+    let at = xyz.map(offset);
+    match xyz.map(|i| e.properties[i].scalar) {
+        [Scalar::F32, Scalar::F32, Scalar::F32] => records(b, source, e.count, stride, |r| {
+            at.map(|o| {
+                let x = [r[o], r[o + 1], r[o + 2], r[o + 3]];
+                f64::from(if BIG { f32::from_be_bytes(x) } else { f32::from_le_bytes(x) })
+            })
+        })?,
+        [Scalar::F64, Scalar::F64, Scalar::F64] => records(b, source, e.count, stride, |r| {
+            at.map(|o| {
+                let mut x = [0; 8];
+                x.copy_from_slice(&r[o..o + 8]);
+                if BIG { f64::from_be_bytes(x) } else { f64::from_le_bytes(x) }
+            })
+        })?,
+        _ => return Ok(false),
+    }
+    Ok(true)
+}
+
+#[inline]
+fn records<const BIG: bool>(
+    b: &mut Builder,
+    source: &mut Binary<'_, BIG>,
+    count: u64,
+    stride: usize,
+    position: impl Fn(&[u8]) -> [f64; 3],
+) -> Result<(), Fail> {
+    let start = source.pos;
+    // The count is known to fit.
+    let all = source.take(count as usize * stride).at(|| Place::Byte(start as u64))?;
+    for (i, record) in all.chunks_exact(stride).enumerate() {
+        b.vertex(position(record)).at(|| Place::Byte((start + i * stride) as u64))?;
+    }
+    Ok(())
+}
+
+/// Faces whose list has byte counts and 32-bit numbers, with scalars before and behind it.
+fn fast_faces<const BIG: bool>(
+    b: &mut Builder,
+    source: &mut Binary<'_, BIG>,
+    e: &Element<'_>,
+    list: usize,
+    vertices: u64,
+) -> Result<bool, Fail> {
+    let property = &e.properties[list];
+    let fits = property.list == Some(Scalar::U8) && matches!(property.scalar, Scalar::I32 | Scalar::U32);
+    let lists = e.properties.iter().filter(|p| p.list.is_some()).count();
+    if !fits || lists != 1 {
+        return Ok(false);
+    }
+    let size = |p: &[header::Property<'_>]| p.iter().map(|p| p.scalar.size()).sum::<usize>();
+    let (head, tail) = (size(&e.properties[..list]), size(&e.properties[list + 1..]));
+    let signed = property.scalar == Scalar::I32;
+    let limit = vertices.min(1 << 32);
+    for _ in 0..e.count {
+        let start = source.pos;
+        let place = || Place::Byte(start as u64);
+        let n = source.take(head + 1).at(place)?[head] as usize;
+        let items = source.take(4 * n + tail).at(place)?;
+        for (k, x) in items[..4 * n].chunks_exact(4).enumerate() {
+            let x = [x[0], x[1], x[2], x[3]];
+            let v = if BIG { u32::from_be_bytes(x) } else { u32::from_le_bytes(x) };
+            let at = || Place::Byte((start + head + 1 + 4 * k) as u64);
+            if u64::from(v) >= limit {
+                let index = if signed { i64::from(v as i32) } else { i64::from(v) };
+                return Err(ReadErrorKind::IndexOutOfRange { what: "a face", index, vertices, first: 0 }).at(at);
+            }
+            b.corner(v).at(at)?;
+        }
+        b.end_face().at(place)?;
+    }
+    Ok(true)
+}
+
+/// The layer that a property belongs to, by the names in use.
+fn layer(property: &str) -> Option<Layer> {
+    Some(match property {
+        "s" | "t" | "u" | "v" | "texture_u" | "texture_v" | "texcoord" | "texture_s" | "texture_t" => {
+            Layer::TextureCoordinates
+        }
+        "nx" | "ny" | "nz" => Layer::Normals,
+        "red" | "green" | "blue" | "alpha" | "diffuse_red" | "diffuse_green" | "diffuse_blue" | "r" | "g" | "b" => {
+            Layer::Colours
+        }
+        "texnumber" | "material_index" | "material_indices" | "texture_number" => Layer::Materials,
+        _ => return None,
+    })
+}
+
+/// Count what an element had beside the mesh.
+fn report(b: &mut Builder, e: &Element<'_>) {
+    if e.count == 0 {
+        return;
+    }
+    let used: &[&str] = match e.name {
+        "vertex" => &["x", "y", "z"],
+        "face" | "tristrips" => &LIST_NAMES,
+        "edge" => &["vertex1", "vertex2"],
+        _ => {
+            let element = e.name.to_string();
+            b.tally.others.push(Warning::SkippedElements { element, count: e.count });
+            return;
+        }
+    };
+    let mut layers: Vec<Layer> = e.properties.iter().filter_map(|p| layer(p.name)).collect();
+    layers.sort_unstable();
+    layers.dedup();
+    for l in layers {
+        b.tally.drop_layer(l, e.count);
+    }
+    let unknown = e.properties.iter().filter(|p| !used.contains(&p.name) && layer(p.name).is_none());
+    let names: Vec<String> = unknown.map(|p| p.name.to_string()).collect();
+    if !names.is_empty() {
+        b.tally.others.push(Warning::SkippedProperties { element: e.name.to_string(), names });
+    }
+}

@@ -1,0 +1,177 @@
+//! What a reader left out or read otherwise than the file has it, counted.
+
+use std::fmt;
+
+/// Data beside geometry and connectivity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[non_exhaustive]
+pub enum Layer {
+    /// Texture coordinates of vertices or corners.
+    TextureCoordinates,
+    /// Normals of vertices or corners.
+    Normals,
+    /// Colours of vertices or faces.
+    Colours,
+    /// Tangents.
+    Tangents,
+    /// Materials and texture references.
+    Materials,
+    /// Names of groups, objects and smoothing groups.
+    Groups,
+    /// The fourth coordinate of OBJ vertices.
+    VertexWeights,
+    /// Free-form curves and surfaces.
+    FreeForm,
+    /// Skins: the mesh comes as it is modelled, not as a joint moves it.
+    Skins,
+    /// Morph targets.
+    MorphTargets,
+    /// Animations.
+    Animations,
+    /// Further attributes of glTF vertices.
+    OtherAttributes,
+}
+
+impl fmt::Display for Layer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Layer::TextureCoordinates => "texture coordinates",
+            Layer::Normals => "normals",
+            Layer::Colours => "colours",
+            Layer::Tangents => "tangents",
+            Layer::Materials => "materials",
+            Layer::Groups => "names of groups and objects",
+            Layer::VertexWeights => "fourth coordinates of vertices",
+            Layer::FreeForm => "free-form curves and surfaces",
+            Layer::Skins => "skins",
+            Layer::MorphTargets => "morph targets",
+            Layer::Animations => "animations",
+            Layer::OtherAttributes => "further vertex attributes",
+        })
+    }
+}
+
+/// Something a reader left out or read otherwise.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Warning {
+    /// Faces of one or two corners.
+    SmallFaces {
+        /// How many.
+        count: u64,
+    },
+    /// Faces without any corner, left out.
+    EmptyFaces {
+        /// How many.
+        count: u64,
+    },
+    /// Edges from a vertex to itself (also after welding): the vertex stays, the edge goes.
+    PointEdges {
+        /// How many.
+        count: u64,
+    },
+    /// Triangles of a strip that repeat a vertex: they only join the parts of the strip.
+    StripConnectors {
+        /// How many.
+        count: u64,
+    },
+    /// Data beside geometry and connectivity.
+    NotCarried {
+        /// What it is.
+        layer: Layer,
+        /// How many records of it, in the file's own units.
+        count: u64,
+    },
+    /// PLY elements of a name that means nothing here.
+    SkippedElements {
+        /// The name of the element.
+        element: String,
+        /// How many of it.
+        count: u64,
+    },
+    /// PLY properties that mean nothing here.
+    SkippedProperties {
+        /// The element they belong to.
+        element: String,
+        /// Their names.
+        names: Vec<String>,
+    },
+    /// OBJ lines with a keyword that is not one of the format's.
+    UnknownStatements {
+        /// How many lines.
+        count: u64,
+        /// The keyword of the first.
+        first: String,
+        /// Its line, from 1.
+        line: u64,
+    },
+    /// Bytes behind the end of the mesh.
+    TrailingBytes {
+        /// How many.
+        count: u64,
+    },
+    /// An ASCII STL without its last `endsolid`: it may have been cut.
+    UnfinishedSolid,
+    /// glTF primitives whose number of indices leaves a rest.
+    IncompletePrimitives {
+        /// How many primitives.
+        count: u64,
+    },
+    /// glTF meshes outside the default scene.
+    UnusedMeshes {
+        /// How many.
+        count: u64,
+    },
+}
+
+/// `1 face`, `2 faces`.
+pub(crate) fn counted(count: u64, one: &str, many: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { many })
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let verb = |count: u64| if count == 1 { "was" } else { "were" };
+        match self {
+            Warning::SmallFaces { count } => {
+                let (faces, verb) = (counted(*count, "face", "faces"), verb(*count));
+                write!(f, "{faces} with fewer than three corners {verb} read as edges or points")
+            }
+            Warning::EmptyFaces { count } => {
+                write!(f, "{} without corners {} left out", counted(*count, "face", "faces"), verb(*count))
+            }
+            Warning::PointEdges { count } => {
+                let edges = counted(*count, "edge from a vertex to itself", "edges from a vertex to itself");
+                write!(f, "{edges} {} read as a point", verb(*count))
+            }
+            Warning::StripConnectors { count } => {
+                let triangles = counted(*count, "triangle", "triangles");
+                write!(f, "{triangles} of strips that repeat a vertex {} left out as connectors", verb(*count))
+            }
+            Warning::NotCarried { layer, count } => {
+                write!(f, "{layer} are not carried yet ({} left out)", counted(*count, "record", "records"))
+            }
+            Warning::SkippedElements { element, count } => {
+                write!(f, "{} `{element}` skipped", counted(*count, "PLY element", "PLY elements"))
+            }
+            Warning::SkippedProperties { element, names } => {
+                write!(f, "PLY properties of `{element}` skipped: {}", names.join(", "))
+            }
+            Warning::UnknownStatements { count, first, line } => {
+                let lines = counted(*count, "line", "lines");
+                write!(f, "{lines} with an unknown statement skipped (the first: `{first}` on line {line})")
+            }
+            Warning::TrailingBytes { count } => {
+                write!(f, "{} behind the end of the mesh ignored", counted(*count, "byte", "bytes"))
+            }
+            Warning::UnfinishedSolid => f.write_str("the last solid has no `endsolid`; the file may have been cut"),
+            Warning::IncompletePrimitives { count } => {
+                let primitives = counted(*count, "primitive has", "primitives have");
+                write!(f, "{primitives} indices left over that make no whole element")
+            }
+            Warning::UnusedMeshes { count } => {
+                write!(f, "{} outside the default scene left out", counted(*count, "mesh", "meshes"))
+            }
+        }
+    }
+}

@@ -1,0 +1,118 @@
+//! Welding: records of vertices at one position become one vertex.
+//!
+//! Formats that repeat a vertex for its attributes (glTF), or for each corner (STL), lose the connectivity that
+//! was meant; equal positions give it back. Positions are equal when all three coordinates are the same numbers
+//! (`-0.0` equals `0.0`; beyond that, bit for bit: no tolerance). Vertices keep the order of their first record.
+
+use std::hash::{BuildHasher, RandomState};
+
+use super::build::{Budget, Kind, MAX};
+
+const EMPTY: u32 = u32::MAX;
+
+/// A growing set of positions: open addressing over vertex numbers.
+pub(super) struct Welder {
+    table: Vec<u32>,
+    /// Unpredictable per run, so that no file can be made to collide; the result does not depend on them.
+    seeds: [u64; 2],
+}
+
+impl Welder {
+    pub fn new() -> Self {
+        let state = RandomState::new();
+        Welder { table: Vec::new(), seeds: [state.hash_one(1u8) | 1, state.hash_one(2u8) | 1] }
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        4 * self.table.capacity() as u64
+    }
+
+    #[inline]
+    fn hash(&self, p: &[f64; 3]) -> usize {
+        let fold = |a: u64, b: u64| {
+            let product = u128::from(a) * u128::from(b);
+            product as u64 ^ (product >> 64) as u64
+        };
+        // Adding zero turns -0.0 into 0.0.
+        let bits = |c: f64| (c + 0.0).to_bits();
+        let h = fold(bits(p[0]) ^ self.seeds[0], bits(p[1]).rotate_left(32) ^ self.seeds[1]);
+        fold(h ^ bits(p[2]), self.seeds[0] ^ self.seeds[1].rotate_left(17) | 1) as usize
+    }
+
+    /// The vertex at `p`; a new one is appended to `positions`.
+    #[inline]
+    pub fn insert(&mut self, positions: &mut Vec<[f64; 3]>, p: [f64; 3], budget: &mut Budget) -> Result<u32, Kind> {
+        if 8 * positions.len() >= 5 * self.table.len() {
+            self.grow(positions, budget)?;
+        }
+        let mask = self.table.len() - 1;
+        let mut slot = self.hash(&p) & mask;
+        loop {
+            match self.table[slot] {
+                EMPTY => break,
+                // Comparing as numbers, so that both zeros are equal; none is NaN.
+                v if positions[v as usize] == p => return Ok(v),
+                _ => slot = (slot + 1) & mask,
+            }
+        }
+        if positions.len() == positions.capacity() {
+            budget.grow(positions, 1, "vertices")?;
+        }
+        let v = positions.len() as u32;
+        self.table[slot] = v;
+        positions.push(p);
+        Ok(v)
+    }
+
+    #[cold]
+    fn grow(&mut self, positions: &[[f64; 3]], budget: &mut Budget) -> Result<(), Kind> {
+        if positions.len() >= MAX {
+            return Err(Kind::TooLarge { what: "vertices", limit: MAX as u64 });
+        }
+        let size = (2 * self.table.len()).max(64);
+        let mut table = Vec::new();
+        budget.reserve(&mut table, size)?;
+        budget.release(self.bytes());
+        table.resize(size, EMPTY);
+        for (v, p) in positions.iter().enumerate() {
+            let mut slot = self.hash(p) & (size - 1);
+            while table[slot] != EMPTY {
+                slot = (slot + 1) & (size - 1);
+            }
+            table[slot] = v as u32;
+        }
+        self.table = table;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_positions_become_one_vertex_in_order_of_first_record() {
+        let (mut welder, mut positions, mut budget) = (Welder::new(), Vec::new(), Budget::new(0, None));
+        let mut put = |p| welder.insert(&mut positions, p, &mut budget).unwrap();
+        assert_eq!(put([1.0, 2.0, 3.0]), 0);
+        assert_eq!(put([0.0, 0.0, 0.0]), 1);
+        assert_eq!(put([1.0, 2.0, 3.0]), 0);
+        assert_eq!(put([-0.0, 0.0, -0.0]), 1);
+        assert_eq!(put([f64::from_bits(1.0f64.to_bits() + 1), 2.0, 3.0]), 2);
+        for i in 0..5000 {
+            assert_eq!(put([f64::from(i), 7.5, 0.0]), 3 + i as u32);
+        }
+        for i in 0..5000 {
+            assert_eq!(put([f64::from(i), 7.5, 0.0]), 3 + i as u32);
+        }
+    }
+
+    #[test]
+    fn the_memory_limit_holds() {
+        let (mut welder, mut positions, mut budget) = (Welder::new(), Vec::new(), Budget::new(0, Some(10_000)));
+        let full = (0..10_000).find_map(|i| welder.insert(&mut positions, [f64::from(i); 3], &mut budget).err());
+        assert!(matches!(full, Some(Kind::Memory { limit: Some(10_000), .. })));
+        assert!(positions.len() < 1000);
+    }
+}
