@@ -1,1 +1,17 @@
-//! (being built)
+//! What a collapse costs: the edges of a level, the weight of each, and bounds of the error a collapse makes.
+//!
+//! Follows Caillaud et al. 2016, section 4.2, with the corrections stated in the modules. Encoder side only: floating
+//! point is used up to [`Fixed`], and every decision after it is made on integers.
+
+mod edges;
+mod fixed;
+mod gather;
+mod kernel;
+mod weigher;
+mod weight;
+
+pub use edges::{EdgeList, neighbours};
+pub use fixed::{Fixed, Scale};
+pub use gather::Gatherer;
+pub use weigher::{Carried, WeighInput, Weigher, dirty_vertices};
+pub use weight::{Class, Patch, PatchTriangle, RING_MOST, RingVertex, Scratch, Weight, edge_weight};

@@ -1,0 +1,501 @@
+//! The arithmetic of `edge_weight`: a pure function of a small flat patch.
+//!
+//! Triangles lie in blocks of eight lanes, so that the compiler turns every loop over lanes into vector instructions of
+//! whatever width the machine has; no operation is contracted or reordered, so the result is the same for every width. What skips work
+//! (a sample whose distance cannot exceed the largest so far) compares upper bounds that are distances themselves.
+
+#![allow(clippy::needless_range_loop)] // lanes are numbered
+
+use super::weight::{Class, Patch, RING_MOST, Weight};
+
+/// Lanes of a block.
+const LANES: usize = 8;
+type Lane = [f32; LANES];
+type Lane3 = [Lane; 3];
+
+/// Where the lanes without a triangle lie: far from everything, yet its square is finite.
+const FAR: f32 = 1e18;
+
+/// Triangles `c, c + e0, c + e1`, and what the distance of a point to them needs.
+#[derive(Clone, Copy, Debug)]
+struct Block {
+    c: Lane3,
+    e0: Lane3,
+    e1: Lane3,
+    /// Normal `e0 × e1`.
+    n: Lane3,
+    /// Dual basis of `e0, e1` in the plane; zero where the triangle is a segment or nearly so.
+    m0: Lane3,
+    m1: Lane3,
+    /// One over the squared lengths of the edges `e0`, `e1`, `e1 − e0`, and of the normal; zero for zero.
+    i0: Lane,
+    i1: Lane,
+    i2: Lane,
+    inn: Lane,
+}
+
+const EMPTY: Block = Block {
+    c: [[FAR; LANES]; 3],
+    e0: [[0.0; LANES]; 3],
+    e1: [[0.0; LANES]; 3],
+    n: [[0.0; LANES]; 3],
+    m0: [[0.0; LANES]; 3],
+    m1: [[0.0; LANES]; 3],
+    i0: [0.0; LANES],
+    i1: [0.0; LANES],
+    i2: [0.0; LANES],
+    inn: [0.0; LANES],
+};
+
+/// Memory that `edge_weight` reuses from edge to edge.
+#[derive(Clone, Debug, Default)]
+pub struct Scratch {
+    before: Vec<Block>,
+    after: Vec<Block>,
+    /// Ring vertices in the frame of the patch, by block.
+    flat: Vec<Lane3>,
+}
+
+#[inline(always)]
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline(always)]
+fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+#[inline(always)]
+fn sub(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+#[inline(always)]
+fn scale(a: [f32; 3], s: f32) -> [f32; 3] {
+    [a[0] * s, a[1] * s, a[2] * s]
+}
+
+#[inline(always)]
+fn lane(a: &Lane3, l: usize) -> [f32; 3] {
+    [a[0][l], a[1][l], a[2][l]]
+}
+
+#[inline(always)]
+fn put(a: &mut Lane3, l: usize, v: [f32; 3]) {
+    a[0][l] = v[0];
+    a[1][l] = v[1];
+    a[2][l] = v[2];
+}
+
+/// One over `x`, or 0 for 0.
+#[inline(always)]
+fn inverse(x: f32) -> f32 {
+    let r = 1.0 / x;
+    if x > 0.0 { r } else { 0.0 }
+}
+
+/// Into 0 ..= 1; compiles to two instructions.
+#[inline(always)]
+fn unit(x: f32) -> f32 {
+    let x = if x > 0.0 { x } else { 0.0 };
+    if x < 1.0 { x } else { 1.0 }
+}
+
+#[inline(always)]
+fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+#[inline(always)]
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// Fill in what follows from `e0` and `e1`.
+#[inline(always)]
+fn prepare(b: &mut Block) {
+    for l in 0..LANES {
+        let (e0, e1) = (lane(&b.e0, l), lane(&b.e1, l));
+        let e2 = sub(e1, e0);
+        let (d0, d1, d2) = (dot(e0, e0), dot(e1, e1), dot(e2, e2));
+        let n = cross(e0, e1);
+        let nn = dot(n, n);
+        // Below an angle of 1e-4 the normal is noise: there the edges alone stand for the triangle.
+        let inn = if nn > 1e-8 * d0 * d1 { inverse(nn) } else { 0.0 };
+        put(&mut b.n, l, n);
+        put(&mut b.m0, l, scale(cross(e1, n), inn));
+        put(&mut b.m1, l, scale(cross(n, e0), inn));
+        b.i0[l] = inverse(d0);
+        b.i1[l] = inverse(d1);
+        b.i2[l] = inverse(d2);
+        b.inn[l] = inn;
+    }
+}
+
+/// Squared distance from `x` to the nearest triangle.
+#[inline(always)]
+fn distance2(x: [f32; 3], blocks: &[Block]) -> f32 {
+    let mut best = [f32::INFINITY; LANES];
+    for b in blocks {
+        for l in 0..LANES {
+            let w = sub(x, lane(&b.c, l));
+            let (e0, e1) = (lane(&b.e0, l), lane(&b.e1, l));
+            let r0 = sub(w, scale(e0, unit(dot(w, e0) * b.i0[l])));
+            let r1 = sub(w, scale(e1, unit(dot(w, e1) * b.i1[l])));
+            let (w2, e2) = (sub(w, e0), sub(e1, e0));
+            let r2 = sub(w2, scale(e2, unit(dot(w2, e2) * b.i2[l])));
+            let edges = smaller(smaller(dot(r0, r0), dot(r1, r1)), dot(r2, r2));
+            let (s, t) = (dot(w, lane(&b.m0, l)), dot(w, lane(&b.m1, l)));
+            let h = dot(w, lane(&b.n, l));
+            let plane = h * h * b.inn[l];
+            // Strict, so that a segment, whose m0 and m1 are zero, is never taken for a plane.
+            let inside = (s > 0.0) & (t > 0.0) & (s + t < 1.0);
+            let d = if inside { plane } else { edges };
+            best[l] = smaller(best[l], d);
+        }
+    }
+    let mut d = best[0];
+    for b in &best[1..] {
+        d = smaller(d, *b);
+    }
+    d
+}
+
+/// Squared distance from `x` to the segment from `c` to `d`.
+#[inline(always)]
+fn segment2(x: [f32; 3], c: [f32; 3], d: [f32; 3]) -> f32 {
+    let (w, e) = (sub(x, c), sub(d, c));
+    let r = sub(w, scale(e, unit(dot(w, e) * inverse(dot(e, e)))));
+    dot(r, r)
+}
+
+/// The weight of the edge whose patch this is. See the module `weight` for what it measures.
+pub fn edge_weight(patch: &Patch, scratch: &mut Scratch) -> Weight {
+    match patch.class {
+        Class::Illegal => Weight::ILLEGAL,
+        Class::Dangling => {
+            let length = 2.0 * dot(patch.half, patch.half).sqrt();
+            Weight { class: Class::Dangling, value: length, folds: false }
+        }
+        Class::Breaking => Weight { class: Class::Breaking, value: area_change(patch).abs().sqrt(), folds: false },
+        Class::Ordinary => {
+            let (distance2, folds) = ordinary(patch, scratch);
+            let mut value = distance2.sqrt();
+            if folds {
+                value += 2.0 * dot(patch.half, patch.half).sqrt();
+            }
+            Weight { class: Class::Ordinary, value, folds }
+        }
+    }
+}
+
+/// Area after less area before.
+fn area_change(patch: &Patch) -> f32 {
+    let area = |c: [f32; 3], p: [f32; 3], q: [f32; 3]| {
+        let n = cross(sub(p, c), sub(q, c));
+        0.5 * dot(n, n).sqrt()
+    };
+    let (b, a) = (patch.half, scale(patch.half, -1.0));
+    let mut change = 0.0;
+    for t in &patch.triangles {
+        let (p, q) = (patch.ring[t.p as usize].at, patch.ring[t.q as usize].at);
+        change += area([0.0; 3], p, q) - area(if t.at_b { b } else { a }, p, q);
+    }
+    for &x in &patch.vanishing {
+        change -= area(patch.ring[x as usize].at, a, b);
+    }
+    change
+}
+
+/// Squared distance and whether a face folds, for a patch of [`Class::Ordinary`].
+fn ordinary(patch: &Patch, scratch: &mut Scratch) -> (f32, bool) {
+    let b = patch.half;
+    let a = scale(b, -1.0);
+    // No point of either patch is farther from the other than the ends move.
+    let reach = dot(b, b);
+    if patch.ring.len() > RING_MOST {
+        return (reach, folds_polygons(patch, a, b));
+    }
+    lay_out(patch, scratch);
+    let Scratch { before, after, flat } = scratch;
+
+    let mut worst = larger(distance2(a, after), distance2(b, after));
+    if patch.borders {
+        worst = larger(worst, borders(patch, a, b));
+    }
+
+    let folds = if patch.polygons { folds_polygons(patch, a, b) } else { folds_triangles(before, after) };
+
+    if reach <= worst {
+        return (worst, folds);
+    }
+    match frame(before, after) {
+        Some(frame) => worst = crossings(patch, before, after, flat, &frame, a, b, worst),
+        None => {
+            // At half the spoke the motion is half as large, too.
+            if reach * 0.25 > worst {
+                worst = middles(patch, before, after, a, b, worst);
+            }
+        }
+    }
+    (worst, folds)
+}
+
+/// Fill the blocks: surviving triangles in the same lanes of both, vanishing ones after them.
+#[inline(always)]
+fn lay_out(patch: &Patch, scratch: &mut Scratch) {
+    let n = patch.triangles.len();
+    let total = n + patch.vanishing.len();
+    scratch.after.clear();
+    scratch.after.resize(n.div_ceil(LANES), EMPTY);
+    scratch.before.clear();
+    scratch.before.resize(total.div_ceil(LANES), EMPTY);
+    let b = patch.half;
+    let a = scale(b, -1.0);
+    for (i, t) in patch.triangles.iter().enumerate() {
+        let (p, q) = (patch.ring[t.p as usize].at, patch.ring[t.q as usize].at);
+        let (block, l) = (i / LANES, i % LANES);
+        let after = &mut scratch.after[block];
+        put(&mut after.c, l, [0.0; 3]);
+        put(&mut after.e0, l, p);
+        put(&mut after.e1, l, q);
+        let c = if t.at_b { b } else { a };
+        let before = &mut scratch.before[block];
+        put(&mut before.c, l, c);
+        put(&mut before.e0, l, sub(p, c));
+        put(&mut before.e1, l, sub(q, c));
+    }
+    let ab = sub(b, a);
+    for (i, &x) in (n..).zip(&patch.vanishing) {
+        let (block, l) = (i / LANES, i % LANES);
+        let before = &mut scratch.before[block];
+        put(&mut before.c, l, a);
+        put(&mut before.e0, l, ab);
+        put(&mut before.e1, l, sub(patch.ring[x as usize].at, a));
+    }
+    for block in scratch.after.iter_mut().chain(&mut scratch.before) {
+        prepare(block);
+    }
+}
+
+/// Shape of a triangle: squared normal over the fourth power of the longest edge, from what a block holds.
+#[inline(always)]
+fn shape(nn: f32, i0: f32, i1: f32, i2: f32) -> f32 {
+    let i = smaller(smaller(i0, i1), i2);
+    nn * i * i
+}
+
+/// Whether a surviving triangle turns over or becomes a sliver. Dangling edges have normal 0 and shape 0 before and
+/// after, and so never do.
+#[inline(always)]
+fn folds_triangles(before: &[Block], after: &[Block]) -> bool {
+    let mut any = [false; LANES];
+    for (b, a) in before.iter().zip(after) {
+        for l in 0..LANES {
+            let (nb, na) = (lane(&b.n, l), lane(&a.n, l));
+            let turns = dot(nb, na) < 0.0;
+            let sb = shape(dot(nb, nb), b.i0[l], b.i1[l], b.i2[l]);
+            let sa = shape(dot(na, na), a.i0[l], a.i1[l], a.i2[l]);
+            // Twice the area below 1/100 of the longest edge squared, and a quarter of what it was.
+            let sliver = (sa < 1e-4) & (sa * 16.0 < sb);
+            any[l] |= turns | sliver;
+        }
+    }
+    any.iter().any(|&x| x)
+}
+
+/// The same for polygons: their vector areas, as far as the fan shows them.
+fn folds_polygons(patch: &Patch, a: [f32; 3], b: [f32; 3]) -> bool {
+    let mut nb = [0.0f32; 3];
+    let mut na = [0.0f32; 3];
+    let (mut lb, mut la) = (0.0f32, 0.0f32);
+    let bad = |nb: [f32; 3], na: [f32; 3], lb: f32, la: f32| {
+        let (ib, ia) = (inverse(lb), inverse(la));
+        let (sb, sa) = (dot(nb, nb) * ib * ib, dot(na, na) * ia * ia);
+        dot(nb, na) < 0.0 || (sa < 1e-4 && sa * 16.0 < sb)
+    };
+    for t in &patch.triangles {
+        let (p, q) = (patch.ring[t.p as usize].at, patch.ring[t.q as usize].at);
+        let c = if t.at_b { b } else { a };
+        let (e0, e1) = (sub(p, c), sub(q, c));
+        let (x, y) = (cross(e0, e1), cross(p, q));
+        let pq = sub(p, q);
+        let mb = larger(larger(dot(e0, e0), dot(e1, e1)), dot(pq, pq));
+        let ma = larger(larger(dot(p, p), dot(q, q)), dot(pq, pq));
+        if t.continues {
+            nb = [nb[0] + x[0], nb[1] + x[1], nb[2] + x[2]];
+            na = [na[0] + y[0], na[1] + y[1], na[2] + y[2]];
+            (lb, la) = (larger(lb, mb), larger(la, ma));
+        } else {
+            if bad(nb, na, lb, la) {
+                return true;
+            }
+            (nb, na, lb, la) = (x, y, mb, ma);
+        }
+    }
+    bad(nb, na, lb, la)
+}
+
+/// Squared distance between the borders before and after.
+fn borders(patch: &Patch, a: [f32; 3], b: [f32; 3]) -> f32 {
+    let mut to_a = f32::INFINITY;
+    let mut to_b = f32::INFINITY;
+    let mut to_v = f32::INFINITY;
+    let (mut at_a, mut at_b) = (false, false);
+    for r in &patch.ring {
+        if r.border_after {
+            to_a = smaller(to_a, segment2(a, [0.0; 3], r.at));
+            to_b = smaller(to_b, segment2(b, [0.0; 3], r.at));
+        }
+        if r.border_a {
+            at_a = true;
+            to_v = smaller(to_v, segment2([0.0; 3], a, r.at));
+        }
+        if r.border_b {
+            at_b = true;
+            to_v = smaller(to_v, segment2([0.0; 3], b, r.at));
+        }
+    }
+    // Without a border on the other side there is nothing to be far from: the surface distance speaks alone.
+    let mut worst = 0.0;
+    for (counts, d) in [(at_a, to_a), (at_b, to_b), (to_a < f32::INFINITY, to_v)] {
+        if counts && d < f32::INFINITY {
+            worst = larger(worst, d);
+        }
+    }
+    worst
+}
+
+/// An orthonormal frame whose third axis is the mean normal, if no triangle of either patch faces against it.
+#[inline(always)]
+fn frame(before: &[Block], after: &[Block]) -> Option<[[f32; 3]; 3]> {
+    let mut sum = [[0.0f32; LANES]; 3];
+    for b in before {
+        for l in 0..LANES {
+            let n = lane(&b.n, l);
+            for k in 0..3 {
+                sum[k][l] += n[k];
+            }
+        }
+    }
+    let n = sum.map(|s| ((s[0] + s[4]) + (s[1] + s[5])) + ((s[2] + s[6]) + (s[3] + s[7])));
+    let mut low = [0.0f32; LANES];
+    for b in before.iter().chain(after) {
+        for l in 0..LANES {
+            low[l] = smaller(low[l], dot(n, lane(&b.n, l)));
+        }
+    }
+    let nn = dot(n, n);
+    let against = low.iter().any(|&x| x < 0.0);
+    // Not `nn <= 0.0`: the sum may be no number at all.
+    if against || !(nn > 0.0) {
+        return None;
+    }
+    let n = scale(n, 1.0 / nn.sqrt());
+    // Frisvad's basis, with the sign that keeps it away from its singularity (Duff et al. 2017).
+    let sign = if n[2] < 0.0 { -1.0 } else { 1.0 };
+    let i = -1.0 / (sign + n[2]);
+    let k = n[0] * n[1] * i;
+    let x = [1.0 + sign * n[0] * n[0] * i, sign * k, -sign * n[0]];
+    let y = [k, sign + n[1] * n[1] * i, -n[1]];
+    Some([x, y, n])
+}
+
+/// Raise `worst` by the crossings of spokes before with spokes after.
+#[allow(clippy::too_many_arguments)] // all of it is one patch
+#[inline(always)]
+fn crossings(
+    patch: &Patch,
+    before: &[Block],
+    after: &[Block],
+    flat: &mut Vec<Lane3>,
+    frame: &[[f32; 3]; 3],
+    a: [f32; 3],
+    b: [f32; 3],
+    mut worst: f32,
+) -> f32 {
+    // The ring in the frame. A vertex without a spoke (a far corner of a polygon) has fan diagonals instead, which
+    // cross just as edges do.
+    flat.clear();
+    flat.resize(patch.ring.len().div_ceil(LANES), [[0.0; LANES]; 3]);
+    for (i, r) in patch.ring.iter().enumerate() {
+        put(&mut flat[i / LANES], i % LANES, r.at);
+    }
+    for f in flat.iter_mut() {
+        for l in 0..LANES {
+            let p = lane(f, l);
+            put(f, l, [dot(p, frame[0]), dot(p, frame[1]), dot(p, frame[2])]);
+        }
+    }
+    let fb = [dot(b, frame[0]), dot(b, frame[1]), dot(b, frame[2])];
+    let fa = scale(fb, -1.0);
+    for (i, r) in patch.ring.iter().enumerate() {
+        let x = lane(&flat[i / LANES], i % LANES);
+        for (has, c, fc) in [(r.spoke_a, a, fa), (r.spoke_b, b, fb)] {
+            if !has {
+                continue;
+            }
+            let d = sub(x, fc);
+            let along = fc[0] * d[1] - fc[1] * d[0];
+            for (block, f) in flat.iter().enumerate() {
+                // c + t·d = s·y in the plane: t = c×y / y×d, s = c×d / y×d.
+                let mut gap = [0.0f32; LANES];
+                let mut t = [0.0f32; LANES];
+                let mut s = [0.0f32; LANES];
+                let mut most = [0.0f32; LANES];
+                for l in 0..LANES {
+                    let y = lane(f, l);
+                    let det = y[0] * d[1] - y[1] * d[0];
+                    let inv = 1.0 / det;
+                    let tl = (fc[0] * y[1] - fc[1] * y[0]) * inv;
+                    let sl = along * inv;
+                    let z = fc[2] + tl * d[2] - sl * y[2];
+                    // Parallel lines give an infinity or no number: neither passes.
+                    let inside = (tl > 0.0) & (tl < 1.0) & (sl > 0.0) & (sl < 1.0);
+                    gap[l] = if inside { z * z } else { 0.0 };
+                    t[l] = tl;
+                    s[l] = sl;
+                    most[l] = gap[l];
+                }
+                let mut top = most[0];
+                for m in &most[1..] {
+                    top = larger(top, *m);
+                }
+                // The two points are `gap` apart, so neither is farther from the other's patch.
+                if top <= worst {
+                    continue;
+                }
+                for l in 0..LANES {
+                    if gap[l] > worst {
+                        let e = sub(r.at, c);
+                        let p = [c[0] + t[l] * e[0], c[1] + t[l] * e[1], c[2] + t[l] * e[2]];
+                        let y = patch.ring[block * LANES + l].at;
+                        worst = larger(worst, distance2(p, after));
+                        if gap[l] > worst {
+                            worst = larger(worst, distance2(scale(y, s[l]), before));
+                        }
+                    }
+                }
+            }
+        }
+    }
+    worst
+}
+
+/// Raise `worst` by the middles of all spokes, both ways.
+fn middles(patch: &Patch, before: &[Block], after: &[Block], a: [f32; 3], b: [f32; 3], mut worst: f32) -> f32 {
+    let middle = |c: [f32; 3], x: [f32; 3]| [0.5 * (c[0] + x[0]), 0.5 * (c[1] + x[1]), 0.5 * (c[2] + x[2])];
+    for r in &patch.ring {
+        if r.spoke_a {
+            worst = larger(worst, distance2(middle(a, r.at), after));
+        }
+        if r.spoke_b {
+            worst = larger(worst, distance2(middle(b, r.at), after));
+        }
+        if r.spoke_a | r.spoke_b {
+            worst = larger(worst, distance2(scale(r.at, 0.5), before));
+        }
+    }
+    worst
+}
