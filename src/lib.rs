@@ -17,6 +17,7 @@ pub mod encode;
 pub mod generate;
 pub mod lattice;
 pub mod mesh;
+mod par;
 
 #[cfg(feature = "encode")]
 pub mod metric;

@@ -2,5 +2,12 @@
 //!
 //! Everything here is integer arithmetic with stated widths, so that a file decodes alike on every machine.
 
+pub mod around;
+pub mod cut;
+pub mod density;
+pub mod patch;
 pub mod points;
 pub mod range;
+pub mod segment;
+pub mod spread;
+pub mod stream;

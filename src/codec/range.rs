@@ -93,6 +93,13 @@ pub trait Coder {
         }
     }
 
+    /// First half of a symbol of the caller's own making: a number below `total` ≤ [`MAX_TOTAL`] that lies inside the symbol's
+    /// interval. Encoders return 0. [`Coder::take`] has to follow.
+    fn target(&mut self, total: u32) -> u32;
+
+    /// Second half: the symbol's interval `from .. from + width`, `width ≥ 1`.
+    fn take(&mut self, from: u32, width: u32);
+
     /// Bits written or read so far, for accounts of bits by kind; 0 where the direction does not keep account.
     fn bits(&self) -> f64 {
         0.0
@@ -105,11 +112,12 @@ pub struct Encoder {
     out: Vec<u8>,
     low: u64,
     range: u64,
+    unit: u64,
 }
 
 impl Default for Encoder {
     fn default() -> Self {
-        Encoder { out: Vec::new(), low: 0, range: u64::MAX }
+        Encoder { out: Vec::new(), low: 0, range: u64::MAX, unit: 0 }
     }
 }
 
@@ -191,6 +199,17 @@ impl Coder for Encoder {
         value
     }
 
+    #[inline]
+    fn target(&mut self, total: u32) -> u32 {
+        self.unit = self.range / total as u64;
+        0
+    }
+
+    #[inline]
+    fn take(&mut self, from: u32, width: u32) {
+        self.narrow(self.unit * from as u64, self.unit * width as u64);
+    }
+
     fn bits(&self) -> f64 {
         self.out.len() as f64 * 8.0 + 64.0 - (self.range as f64).log2()
     }
@@ -203,12 +222,13 @@ pub struct Decoder<'a> {
     at: usize,
     code: u64,
     range: u64,
+    unit: u64,
 }
 
 impl<'a> Decoder<'a> {
     /// Read from `bytes`, which an [`Encoder`] has written.
     pub fn new(bytes: &'a [u8]) -> Self {
-        let mut d = Decoder { bytes, at: 0, code: 0, range: u64::MAX };
+        let mut d = Decoder { bytes, at: 0, code: 0, range: u64::MAX, unit: 0 };
         d.code = (d.word() as u64) << 32 | d.word() as u64;
         d
     }
@@ -282,6 +302,17 @@ impl Coder for Decoder<'_> {
         let value = (self.code / unit).min(total as u64 - 1);
         self.narrow(unit * value, unit);
         value as u32
+    }
+
+    #[inline]
+    fn target(&mut self, total: u32) -> u32 {
+        self.unit = self.range / total as u64;
+        (self.code / self.unit).min(total as u64 - 1) as u32
+    }
+
+    #[inline]
+    fn take(&mut self, from: u32, width: u32) {
+        self.narrow(self.unit * from as u64, self.unit * width as u64);
     }
 }
 

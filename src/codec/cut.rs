@@ -1,0 +1,503 @@
+//! How a vertex splits: which elements go to which child, and what appears between them.
+//!
+//! Core paper section 5.3 and Figure 6, rearranged (`FORMAT.md` has the table). A star that is a fan and is cut at one or two
+//! *loci* (an edge, where a triangle appears, or an element, which grows) takes the fast road: one choice
+//! among all pairs of loci, each scored by integers from the ring. The weights of the scores follow what was seen (one step of gradient
+//! descent on the code length after each split, in fixed point). Everything else goes
+//! element by element and neighbour by neighbour.
+
+use super::around::{Around, Shape};
+use super::patch::{Patch, View};
+use super::range::{Bit, Coder, golomb};
+use crate::complex::{Inserted, Side, Split};
+
+/// `2^(−i/64)`, of 32768.
+const EXP: [u32; 64] = [
+    32768,32415,32066,31720,31379,31041,30706,30376,30048,29725,29405,29088,28774,28464,28158,27855,27554,27258,26964,26674,26386,26102,25821,25543,25268,24995,24726,24460,24196,23936,23678,23423,23170,22921,22674,22430,22188,21949,21713,21479,21247,21019,20792,20568,20347,20127,19911,19696,19484,19274,19066,18861,18658,18457,18258,18061,17867,17674,17484,17296,17109,16925,16743,16562
+];
+
+const VALENCES: usize = 12;
+const DEGREES: usize = 6;
+const CHILD: usize = 14;
+const SCALARS: usize = 6;
+
+/// Adaptive models of connectivity.
+#[derive(Clone, Debug)]
+pub struct CutModels {
+    /// Fast road or general road.
+    fast: [Bit; 2],
+    /// One locus or two, in an open fan.
+    single: Bit,
+    /// How many of the loci are elements.
+    faces: [[Bit; 2]; 24],
+    /// Weights in 1/65536 bit.
+    edge: [i32; VALENCES],
+    face: [i32; DEGREES],
+    child: [i32; CHILD],
+    scalar: [i32; SCALARS],
+    border: i32,
+    seen: u32,
+    general: GeneralModels,
+}
+
+#[derive(Clone, Debug)]
+struct GeneralModels {
+    grow: [Bit; 32],
+    side: [Bit; 64],
+    count: [[Bit; 3]; 32],
+    many: [Bit; 64],
+    reversed: [Bit; 4],
+    edges: [Bit; 4],
+    more_edges: [Bit; 64],
+}
+
+impl Default for CutModels {
+    fn default() -> Self {
+        CutModels {
+            fast: [Bit::with(60000), Bit::with(50000)],
+            single: Bit::default(),
+            faces: [[Bit::with(6000); 2]; 24],
+            edge: START_EDGE,
+            face: [0; DEGREES],
+            child: START_CHILD,
+            scalar: START_SCALAR,
+            border: 0,
+            seen: 0,
+            general: GeneralModels {
+                grow: [Bit::with(8000); 32],
+                side: [Bit::default(); 64],
+                count: [[Bit::default(); 3]; 32],
+                many: [Bit::default(); 64],
+                reversed: [Bit::default(); 4],
+                edges: [Bit::default(); 4],
+                more_edges: [Bit::default(); 64],
+            },
+        }
+    }
+}
+
+const START_EDGE: [i32; VALENCES] = [0; VALENCES];
+const START_CHILD: [i32; CHILD] = [0; CHILD];
+const START_SCALAR: [i32; SCALARS] = [0; SCALARS];
+
+/// Buffers reused from split to split.
+#[derive(Clone, Debug, Default)]
+pub struct CutScratch {
+    loci: Vec<Locus>,
+    pairs: Vec<Pair>,
+    freqs: Vec<u32>,
+    trial: Split,
+    attach: Vec<(bool, bool, u32, u8)>,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Locus {
+    /// Place along the fan: 2·edge or 2·element + 1.
+    at: u16,
+    /// Index of the weight of its kind.
+    class: u8,
+    /// Length of the edge to it over the mean, in 1/256, at most 4.
+    len: i32,
+    /// Direction to it, length 256.
+    dir: [i32; 3],
+    score: i32,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Pair {
+    p: u16,
+    q: u16,
+    child: [u8; 2],
+    feature: [i16; 4],
+}
+
+/// What the fast road says about a split: the places of the loci.
+fn expand(around: &Around, p: u16, q: Option<u16>, split: &mut Split) {
+    split.reset(around.spokes.len());
+    let end = q.unwrap_or(u16::MAX);
+    for (i, s) in around.spokes.iter().enumerate() {
+        let at = 2 * i as u16 + 1;
+        split.sides[s.place as usize] = if at == p {
+            Side::Grow12
+        } else if at == end {
+            Side::Grow21
+        } else if p < at && at < end {
+            Side::One
+        } else {
+            Side::Two
+        };
+    }
+    if p & 1 == 0 {
+        split.triangles.push(Inserted { apex: around.ring[p as usize / 2], reversed: false });
+    }
+    if let Some(q) = q
+        && q & 1 == 0
+    {
+        split.triangles.push(Inserted { apex: around.ring[q as usize / 2], reversed: true });
+    }
+}
+
+/// The loci of a split if the fast road can say it; `trial` then holds what it says, and the flag tells whether the
+/// children change places.
+fn fast_form(around: &Around, want: &Split, trial: &mut Split) -> Option<(u16, Option<u16>, bool)> {
+    if around.shape == Shape::General || want.edges != 0 {
+        return None;
+    }
+    let mut at = [0u16; 3];
+    let mut n = 0;
+    let mut put = |x: u16| {
+        if n < 3 {
+            at[n] = x;
+        }
+        n += 1;
+    };
+    for t in &want.triangles {
+        put(2 * around.ring.iter().position(|&r| r == t.apex)? as u16);
+    }
+    for (i, s) in around.spokes.iter().enumerate() {
+        if want.sides[s.place as usize] as u8 >= Side::Grow12 as u8 {
+            put(2 * i as u16 + 1);
+        }
+    }
+    let (p, q) = match n {
+        1 if around.shape == Shape::Open => (at[0], None),
+        2 if at[0] != at[1] => (at[0].min(at[1]), Some(at[0].max(at[1]))),
+        _ => return None,
+    };
+    expand(around, p, q, trial);
+    for swap in [false, true] {
+        if swap {
+            trial.swap();
+        }
+        let same = trial.sides == want.sides
+            && trial.triangles.len() == want.triangles.len()
+            && trial.triangles.iter().all(|t| want.triangles.contains(t));
+        if same {
+            expand(around, p, q, trial);
+            return Some((p, q, swap));
+        }
+    }
+    None
+}
+
+/// Code the connectivity of the split of `v`, whose patch is ordered.
+///
+/// Encoding, `split` is what is wanted and becomes the canonical form of it; the result tells whether the children change
+/// places. Decoding, `split` becomes what the stream says; the result is `None` when that makes no sense.
+pub fn code_cut<C: Coder>(
+    coder: &mut C,
+    m: &mut CutModels,
+    scratch: &mut CutScratch,
+    view: &View,
+    patch: &Patch,
+    split: &mut Split,
+) -> Option<bool> {
+    let around = &patch.around;
+    let fan = around.shape != Shape::General;
+    let mut form = None;
+    if fan && !C::DECODING {
+        form = fast_form(around, split, &mut scratch.trial);
+    }
+    if fan && coder.bit(&mut m.fast[(around.shape == Shape::Open) as usize], form.is_some()) {
+        let (p, q, swap) = form.unwrap_or((0, None, false));
+        let (p, q) = code_loci(coder, m, scratch, view, patch, p, q)?;
+        expand(around, p, q, split);
+        return Some(swap);
+    }
+    code_general(coder, &mut m.general, scratch, around, split)
+}
+
+fn code_loci<C: Coder>(
+    coder: &mut C,
+    m: &mut CutModels,
+    scratch: &mut CutScratch,
+    view: &View,
+    patch: &Patch,
+    p: u16,
+    q: Option<u16>,
+) -> Option<(u16, Option<u16>)> {
+    let around = &patch.around;
+    let open = around.shape == Shape::Open;
+    let single = open && coder.bit(&mut m.single, q.is_none());
+    // How many loci are elements rather than edges.
+    let triangles = around.spokes.iter().filter(|s| s.degree == 3).count();
+    let mix = if triangles == around.spokes.len() { 0 } else { 1 + (4 * triangles / around.spokes.len()).min(3) };
+    let context = &mut m.faces[mix * 3 + if open { 1 + single as usize } else { 0 }];
+    let have = (p & 1) + q.map_or(0, |q| q & 1);
+    let mut count = coder.bit(&mut context[0], have > 0) as u16;
+    if count == 1 && !single {
+        count += coder.bit(&mut context[1], have > 1) as u16;
+    }
+
+    // Score the loci.
+    let CutScratch { loci, pairs, freqs, .. } = scratch;
+    loci.clear();
+    let n = around.ring.len();
+    let scale = (1i64 << 32) / patch.mean;
+    let shrink = |v: [i64; 3]| v.map(|c| ((c * scale) >> 16).clamp(-(1 << 20), 1 << 20) as i32);
+    let locus = |at: u16, class: u8, v: [i32; 3], weights: &[i32], w_len: i32| {
+        let len = ((v[0] as i64 * v[0] as i64 + v[1] as i64 * v[1] as i64 + v[2] as i64 * v[2] as i64) as u64).isqrt() as i64;
+        let inverse = (1i64 << 24) / len.max(1);
+        let len = (len as i32).min(1023);
+        Locus {
+            at,
+            class,
+            len,
+            dir: v.map(|c| ((c as i64 * inverse) >> 16) as i32),
+            score: weights[class as usize] + (w_len * (len - 256) >> 8),
+        }
+    };
+    let mut sums: [[i32; 3]; 2 * super::around::MAX_FAN + 4] = [[0; 3]; 2 * super::around::MAX_FAN + 4];
+    for k in 0..n {
+        let r = shrink(patch.ring[k]);
+        sums[k + 1] = std::array::from_fn(|c| sums[k][c] + r[c]);
+        if count < 2 {
+            let valence = view.star.get(around.ring[k]).len().min(VALENCES - 1);
+            loci.push(locus(2 * k as u16, valence as u8, r, &m.edge, m.scalar[0]));
+        }
+        if count > 0 && k < around.spokes.len() {
+            let next = patch.ring[if k + 1 == n { 0 } else { k + 1 }];
+            let mid = shrink(std::array::from_fn(|c| (patch.ring[k][c] + next[c]) / 2));
+            let class = (around.spokes[k].degree as usize - 3).min(DEGREES - 1) as u8;
+            loci.push(locus(2 * k as u16 + 1, class, mid, &m.face, m.scalar[1]));
+        }
+    }
+    let total_sum = sums[n];
+
+    // Score the candidates.
+    pairs.clear();
+    freqs.clear();
+    let mut best = i32::MIN;
+    let mut want = 0;
+    let mut candidate = |a: &Locus, b: Option<&Locus>, pairs: &mut Vec<Pair>, freqs: &mut Vec<u32>| {
+        // Ring vertices of v1: from the first at or behind `a` to the last at or before `b`.
+        let from = (a.at as usize + 1) / 2;
+        let to = b.map_or(n - 1, |b| b.at as usize / 2);
+        let n1 = (to + 1).saturating_sub(from);
+        let shared = (a.at & 1 == 0) as usize + b.is_some_and(|b| b.at & 1 == 0) as usize;
+        let n2 = n - n1 + shared;
+        let s1: [i32; 3] = if n1 > 0 { std::array::from_fn(|k| sums[to + 1][k] - sums[from][k]) } else { [0; 3] };
+        let mut s2: [i32; 3] = std::array::from_fn(|k| total_sum[k] - s1[k]);
+        for x in [Some(a), b].into_iter().flatten() {
+            if x.at & 1 == 0 {
+                let e = x.at as usize / 2;
+                for k in 0..3 {
+                    s2[k] += sums[e + 1][k] - sums[e][k];
+                }
+            }
+        }
+        let (i1, i2) = (RECIPROCAL[n1], RECIPROCAL[n2]);
+        let mut d: [i32; 3] =
+            std::array::from_fn(|k| ((s1[k] as i64 * i1 - s2[k] as i64 * i2) >> 16).abs().min(4096) as i32);
+        d.sort_unstable();
+        let gap = (d[2] + (3 * d[1] >> 3) + (d[0] >> 2)).min(1023);
+        let (cos, differ) = match b {
+            Some(b) => {
+                let c = a.dir[0] * b.dir[0] + a.dir[1] * b.dir[1] + a.dir[2] * b.dir[2];
+                ((c >> 8).clamp(-256, 256), (a.len - b.len).abs())
+            }
+            None => (0, 0),
+        };
+        let child = [n1.min(CHILD - 1) as u8, n2.min(CHILD - 1) as u8];
+        let feature = [cos as i16, differ as i16, gap as i16, (cos * cos >> 8) as i16];
+        let mut score = a.score + b.map_or(0, |b| b.score) + m.child[child[0] as usize] + m.child[child[1] as usize];
+        for k in 0..4 {
+            score += (m.scalar[2 + k] as i64 * feature[k] as i64 >> 8) as i32;
+        }
+        if open && b.is_some() && (a.at == 0 || b.is_some_and(|b| b.at as usize == 2 * (n - 1))) {
+            score += m.border;
+        }
+        if !C::DECODING && a.at == p && b.map(|b| b.at) == q {
+            want = pairs.len();
+        }
+        best = best.max(score);
+        pairs.push(Pair { p: a.at, q: b.map_or(u16::MAX, |b| b.at), child, feature });
+        freqs.push(score as u32);
+    };
+    for (i, a) in loci.iter().enumerate() {
+        if single {
+            if a.at & 1 == count {
+                candidate(a, None, pairs, freqs);
+            }
+            continue;
+        }
+        for b in &loci[i + 1..] {
+            if (a.at & 1) + (b.at & 1) == count {
+                candidate(a, Some(b), pairs, freqs);
+            }
+        }
+    }
+    if pairs.is_empty() {
+        return None;
+    }
+    let mut total = 0u32;
+    for f in freqs.iter_mut() {
+        let below = ((best - *f as i32) as u32) >> 10;
+        let shift = below >> 6;
+        *f = if shift < 15 { (EXP[(below & 63) as usize] >> shift).max(1) } else { 1 };
+        total += *f;
+    }
+    let chosen = coder.choose(freqs, total, want);
+
+    // Follow what was seen.
+    let rate = if m.seen < 256 { 5 } else if m.seen < 2048 { 6 } else { 7 };
+    m.seen = m.seen.saturating_add(1);
+    let inverse = (1u64 << 40) / total as u64;
+    let mut mass = [0i32; 2 * super::around::MAX_FAN + 4];
+    let mut children = [0i32; CHILD];
+    let mut features = [0i64; 4];
+    let mut borders = 0;
+    for (k, (pair, &f)) in pairs.iter().zip(freqs.iter()).enumerate() {
+        let g = ((k == chosen) as i32) * 65536 - ((f as u64 * inverse) >> 24) as i32;
+        mass[pair.p as usize] += g;
+        if pair.q != u16::MAX {
+            mass[pair.q as usize] += g;
+            if open && (pair.p == 0 || pair.q as usize == 2 * (n - 1)) {
+                borders += g;
+            }
+        }
+        children[pair.child[0] as usize] += g;
+        children[pair.child[1] as usize] += g;
+        for c in 0..4 {
+            features[c] += g as i64 * pair.feature[c] as i64;
+        }
+    }
+    let limit = |w: i32| w.clamp(-(12 << 16), 12 << 16);
+    for l in loci.iter() {
+        let g = mass[l.at as usize];
+        if l.at & 1 == 0 {
+            m.edge[l.class as usize] = limit(m.edge[l.class as usize] + (g >> rate));
+            m.scalar[0] = limit(m.scalar[0] + ((g as i64 * (l.len - 256) as i64 >> 8) >> rate) as i32);
+        } else {
+            m.face[l.class as usize] = limit(m.face[l.class as usize] + (g >> rate));
+            m.scalar[1] = limit(m.scalar[1] + ((g as i64 * (l.len - 256) as i64 >> 8) >> rate) as i32);
+        }
+    }
+    for (w, g) in m.child.iter_mut().zip(children) {
+        *w = limit(*w + (g >> rate));
+    }
+    for (w, g) in m.scalar[2..].iter_mut().zip(features) {
+        *w = limit(*w + ((g >> 8) >> rate) as i32);
+    }
+    m.border = limit(m.border + (borders >> rate));
+    let pair = pairs[chosen];
+    Some((pair.p, (pair.q != u16::MAX).then_some(pair.q)))
+}
+
+/// `65536 / n`.
+const RECIPROCAL: [i64; 2 * super::around::MAX_FAN + 8] = {
+    let mut t = [0i64; 2 * super::around::MAX_FAN + 8];
+    let mut n = 1;
+    while n < t.len() {
+        t[n] = 65536 / n as i64;
+        n += 1;
+    }
+    t
+};
+
+/// The general road: a side for each element, a number of triangles for each neighbour, a number of dangling edges.
+fn code_general<C: Coder>(
+    coder: &mut C,
+    m: &mut GeneralModels,
+    scratch: &mut CutScratch,
+    around: &Around,
+    split: &mut Split,
+) -> Option<bool> {
+    let fan = around.shape != Shape::General;
+    let trial = &mut scratch.trial;
+    trial.reset(around.spokes.len());
+    // The first element says which child is the first.
+    let swap = !C::DECODING
+        && around.spokes.first().is_some_and(|s| matches!(split.sides[s.place as usize], Side::Two | Side::Grow21));
+    if swap {
+        split.swap();
+    }
+    // For each neighbour: does the first child have it, the second, in how many elements, and which orientation is expected.
+    let attach = &mut scratch.attach;
+    attach.clear();
+    attach.resize(around.ring.len(), (false, false, 0, 0));
+    let find = |x: u32| {
+        if fan { around.ring.iter().position(|&r| r == x).unwrap_or(0) } else { around.ring.binary_search(&x).unwrap_or(0) }
+    };
+    for (i, s) in around.spokes.iter().enumerate() {
+        let (next, prev) = (find(s.next), find(s.prev));
+        let side = if C::DECODING { Side::One } else { split.sides[s.place as usize] };
+        let hints = |x: usize| attach[x].0 as usize + 2 * attach[x].1 as usize;
+        let (h1, h2) = (hints(next), hints(prev));
+        let context = (h1.min(h2) * 4 + h1.max(h2)) * 2 + (s.degree == 2) as usize;
+        let grows = coder.bit(&mut m.grow[context], side as u8 >= 2);
+        let second = if i == 0 && s.degree > 2 || i == 0 && !grows {
+            false
+        } else {
+            coder.bit(&mut m.side[(h1 * 4 + h2) * 2 + grows as usize], side as u8 & 1 == 1)
+        };
+        let side = match (grows, second) {
+            (false, false) => Side::One,
+            (false, true) => Side::Two,
+            (true, false) => Side::Grow12,
+            (true, true) => Side::Grow21,
+        };
+        trial.sides[s.place as usize] = side;
+        // The element holds prev → v → next.
+        let (of_prev, of_next) = match side {
+            Side::One => (0, 0),
+            Side::Two => (1, 1),
+            Side::Grow12 => (0, 1),
+            Side::Grow21 => (1, 0),
+        };
+        for (x, child, incoming) in [(prev, of_prev, true), (next, of_next, false)] {
+            let a = &mut attach[x];
+            if child == 0 {
+                a.0 = true;
+            } else {
+                a.1 = true;
+            }
+            a.2 += 1;
+            if s.degree > 2 {
+                // Across x → v1 a triangle should hold v1 → x, which is (v2, v1, x); across v1 → x it is (v1, v2, x).
+                a.3 |= if (child == 0) == incoming { 2 } else { 1 };
+            }
+        }
+    }
+    let mut any = trial.sides.iter().any(|&s| s as u8 >= 2);
+    for (k, &x) in around.ring.iter().enumerate() {
+        let (one, two, elements, expected) = attach[k];
+        let context = (one as usize + 2 * two as usize) * 4 + (elements.min(4) - 1).min(3) as usize;
+        let have = if C::DECODING { 0 } else { split.triangles.iter().filter(|t| t.apex == x).count() as u32 };
+        let mut n = 0u32;
+        while n < 3 && coder.bit(&mut m.count[context][n as usize], have > n) {
+            n += 1;
+        }
+        if n == 3 {
+            n = n.saturating_add(golomb(coder, &mut m.many, have.wrapping_sub(3)));
+        }
+        if C::DECODING && n > 1 << 16 {
+            return None;
+        }
+        let reversed = if C::DECODING { 0 } else { split.triangles.iter().filter(|t| t.apex == x && t.reversed).count() as u32 };
+        for j in 0..n {
+            let r = coder.bit(&mut m.reversed[expected as usize], j >= n - reversed.min(n));
+            trial.triangles.push(Inserted { apex: x, reversed: r });
+        }
+        any |= n > 0;
+    }
+    let mut edges = 0;
+    let context = 2 * around.spokes.is_empty() as usize + any as usize;
+    if !any || coder.bit(&mut m.edges[context], split.edges > 0) {
+        edges = golomb(coder, &mut m.more_edges, split.edges.wrapping_sub(1)).saturating_add(1);
+    }
+    if edges > 1 << 16 {
+        return None;
+    }
+    trial.edges = edges;
+    std::mem::swap(split, trial);
+    Some(swap)
+}
+
+/// For tests and accounts: the scalar weights as they stand.
+impl CutModels {
+    /// All weights of the scores, in 1/65536 bit.
+    pub fn weights(&self) -> Vec<i32> {
+        [&self.edge[..], &self.face, &self.child, &self.scalar, &[self.border]].concat()
+    }
+}

@@ -1,0 +1,107 @@
+//! The geometry around a vertex that may split, in integers: mean edge, normal, flatness, ring vectors.
+//!
+//! Lengths are in 1/256 step, unit vectors have length 2^14. Coordinates of a valid level stay within ±2^26, and at most
+//! 64 elements are looked at, so that no sum leaves `i64`.
+
+use super::around::Around;
+use crate::complex::placement::{cross, dot, sub, unit};
+use crate::complex::{Faces, Level, Star};
+
+/// Elements looked at for geometry.
+const LOOK: usize = 64;
+
+/// What a segment knows of the coarser level: all of it.
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a> {
+    /// The level.
+    pub level: &'a Level,
+    /// Its stars.
+    pub star: &'a Star,
+    /// Its mean edge length, in 1/256 step, at least 1.
+    pub mean_edge: i64,
+}
+
+impl<'a> View<'a> {
+    /// Look at a level.
+    pub fn new(level: &'a Level, star: &'a Star) -> Self {
+        View { level, star, mean_edge: mean_edge(&level.positions, &level.faces) }
+    }
+}
+
+/// Length of a vector in 1/256 step; the vector within ±2^27.
+#[inline(always)]
+pub fn length(v: [i64; 3]) -> i64 {
+    (((dot(v, v) as u64) << 8).isqrt() << 4) as i64
+}
+
+/// The mean length of (a fixed sample of) the edges of a level, in 1/256 step, at least 1.
+pub fn mean_edge(positions: &[[i32; 3]], faces: &Faces) -> i64 {
+    let stride = faces.len() / 4096 + 1;
+    let (mut sum, mut n) = (0i64, 0i64);
+    for f in (0..faces.len()).step_by(stride) {
+        let c = faces.get(f as u32);
+        sum += length(sub(positions[c[0] as usize], positions[c[1] as usize]));
+        n += 1;
+    }
+    (sum / n.max(1)).max(1)
+}
+
+/// A vertex and what lies around it. Reused from vertex to vertex.
+#[derive(Clone, Debug, Default)]
+pub struct Patch {
+    /// Its elements.
+    pub around: Around,
+    /// Where it lies.
+    pub at: [i32; 3],
+    /// Unit normal, 0 where there is none.
+    pub normal: [i64; 3],
+    /// Mean length of its edges, at least 1.
+    pub mean: i64,
+    /// Mean distance of its neighbours from its tangent plane.
+    pub height: i64,
+    /// Ring vectors in the order of `around.ring`; filled by [`Patch::order`].
+    pub ring: Vec<[i64; 3]>,
+}
+
+impl Patch {
+    /// Look around `v`.
+    #[inline]
+    pub fn gather(&mut self, view: &View, v: u32) {
+        let p = &view.level.positions;
+        self.around.gather(&view.level.faces, view.star, v);
+        self.at = p[v as usize];
+        let (mut area, mut sum, mut n) = ([0i64; 3], 0i64, 0i64);
+        self.ring.clear();
+        for s in self.around.spokes.iter().take(LOOK) {
+            let next = sub(p[s.next as usize], self.at);
+            sum += length(next);
+            n += 1;
+            self.ring.push(next);
+            if s.degree > 2 {
+                let x = cross(next, sub(p[s.prev as usize], self.at));
+                for k in 0..3 {
+                    area[k] += x[k];
+                }
+            }
+        }
+        self.mean = (sum / n.max(1)).max(1);
+        self.normal = unit(area);
+        let heights: i64 = self.ring.iter().map(|&r| dot(r, self.normal).abs() >> 6).sum();
+        self.height = heights / n.max(1);
+    }
+
+    /// Order the elements and list the ring.
+    pub fn order(&mut self, view: &View) {
+        self.around.order();
+        self.ring.clear();
+        self.ring.extend(self.around.ring.iter().map(|&r| sub(view.level.positions[r as usize], self.at)));
+    }
+
+    /// Flatness in classes: 0 is flattest; each class is twice as high over the mean edge.
+    #[inline]
+    pub fn flatness(&self) -> usize {
+        let ratio = (self.height << 8) / self.mean;
+        // 1/64, 1/32, … of the edge.
+        (64 - ((ratio >> 2) as u64).leading_zeros() as usize).min(6)
+    }
+}

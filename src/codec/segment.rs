@@ -1,0 +1,164 @@
+//! A segment of a batch: the splits of a range of the coarser level's vertices, symbol by symbol.
+//!
+//! Core paper section 5.1 and Qin 2002: which vertices split, in the canonical order of the level, skipping those next to one
+//! that already splits. A segment's symbols depend on the coarser level and on the segment's own earlier symbols only.
+
+use super::cut::{CutModels, CutScratch, code_cut};
+use super::patch::{Patch, View};
+use super::range::{Bit, Coder};
+use super::spread::{SpreadModels, code_delta};
+use crate::complex::{Batch, Split};
+
+/// All adaptive models of a stream of splits. A level's segments start with the models that the first segment of
+/// the coarser level's batch ended with.
+#[derive(Clone, Debug, Default)]
+pub struct Models {
+    flags: Flags,
+    /// Connectivity.
+    pub cut: CutModels,
+    spread: SpreadModels,
+}
+
+#[derive(Clone, Debug)]
+struct Flags {
+    split: Vec<Bit>,
+}
+
+impl Default for Flags {
+    fn default() -> Self {
+        Flags { split: vec![Bit::with(14000); 10 * 8 * 7 + 1] }
+    }
+}
+
+impl Flags {
+    #[inline]
+    fn context(view: &View, patch: &Patch) -> usize {
+        let n = patch.around.spokes.len();
+        if n == 0 {
+            return 10 * 8 * 7;
+        }
+        let ratio = (patch.mean << 4) / view.mean_edge;
+        let long = match ratio {
+            0..=7 => 0,
+            8..=10 => 1,
+            11..=13 => 2,
+            14..=16 => 3,
+            17..=20 => 4,
+            21..=25 => 5,
+            26..=33 => 6,
+            _ => 7,
+        };
+        (n.min(10) - 1) * 56 + long * 7 + patch.flatness()
+    }
+}
+
+/// Buffers reused from vertex to vertex and from segment to segment.
+#[derive(Clone, Debug, Default)]
+pub struct Scratch {
+    patch: Patch,
+    cut: CutScratch,
+    split: Split,
+    blocked: Vec<bool>,
+}
+
+/// Bits by kind of one segment.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SegmentBits {
+    /// Which vertices split, and how.
+    pub connectivity: f64,
+    /// Where the children lie, and low bits.
+    pub geometry: f64,
+}
+
+/// A stream that makes no sense.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Nonsense(pub &'static str);
+
+/// Where an encoder's symbols come from. A decoder has none: [`Stream`].
+pub trait Source {
+    /// Whether `v` splits: fills `split`, with a side for each element of the star, and returns `v1 − v2`.
+    fn split(&mut self, v: u32, split: &mut Split) -> Option<[i32; 3]>;
+    /// Hears the canonical form of the split that was asked for last, and whether the children changed places.
+    fn settled(&mut self, split: &Split, swapped: bool);
+    /// Hears the canonical order of the births.
+    fn births(&mut self, births: &[[i32; 3]]);
+    /// Low bits of a child of `v` (0 also for a vertex that does not split).
+    fn low_bits(&mut self, v: u32, child: u32) -> [u16; 3];
+    /// Low bits of a birth.
+    fn birth_low_bits(&mut self, birth: u32) -> [u16; 3];
+}
+
+/// The source of a decoder: everything is in the stream.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Stream;
+
+impl Source for Stream {
+    fn split(&mut self, _: u32, _: &mut Split) -> Option<[i32; 3]> {
+        None
+    }
+    fn settled(&mut self, _: &Split, _: bool) {}
+    fn births(&mut self, _: &[[i32; 3]]) {}
+    fn low_bits(&mut self, _: u32, _: u32) -> [u16; 3] {
+        [0; 3]
+    }
+    fn birth_low_bits(&mut self, _: u32) -> [u16; 3] {
+        [0; 3]
+    }
+}
+
+/// Code the splits of the coarser level's vertices `range`, appending them to `batch`; `budget` is the number of elements that
+/// may still appear.
+#[allow(clippy::too_many_arguments)]
+pub fn code_splits<C: Coder, S: Source>(
+    coder: &mut C,
+    m: &mut Models,
+    scratch: &mut Scratch,
+    view: &View,
+    range: std::ops::Range<u32>,
+    source: &mut S,
+    batch: &mut Batch,
+    budget: &mut u64,
+    bits: &mut SegmentBits,
+) -> Result<(), Nonsense> {
+    let Scratch { patch, cut, split, blocked } = scratch;
+    blocked.clear();
+    blocked.resize(range.len(), false);
+    let positions = &view.level.positions;
+    for v in range.clone() {
+        if blocked[(v - range.start) as usize] {
+            continue;
+        }
+        let start = coder.bits();
+        patch.gather(view, v);
+        let mut delta = if C::DECODING { None } else { source.split(v, split) };
+        let flag = &mut m.flags.split[Flags::context(view, patch)];
+        if !coder.bit(flag, delta.is_some()) {
+            bits.connectivity += coder.bits() - start;
+            continue;
+        }
+        patch.order(view);
+        let swap = code_cut(coder, &mut m.cut, cut, view, patch, split).ok_or(Nonsense("a split without a form"))?;
+        source.settled(split, swap);
+        if swap {
+            delta = delta.map(|d| d.map(|c| -c));
+        }
+        let inserted = split.triangles.len() as u64 + split.edges as u64;
+        *budget = budget.checked_sub(inserted).ok_or(Nonsense("more elements than the header announces"))?;
+        let mid = coder.bits();
+        let delta = code_delta(coder, &mut m.spread, positions, patch, split, delta.unwrap_or_default());
+        if delta.iter().any(|c| c.unsigned_abs() > 1 << 27) {
+            return Err(Nonsense("a split of impossible size"));
+        }
+        bits.connectivity += mid - start;
+        bits.geometry += coder.bits() - mid;
+        batch.push(v, split, delta);
+        for &f in view.star.get(v) {
+            for &x in view.level.faces.get(f) {
+                if range.contains(&x) {
+                    blocked[(x - range.start) as usize] = true;
+                }
+            }
+        }
+    }
+    Ok(())
+}
