@@ -3,6 +3,7 @@
 //! Everything here is integer arithmetic with stated widths, so that a file decodes alike on every machine.
 
 pub mod around;
+pub mod aside;
 pub mod base;
 pub mod cut;
 pub mod density;
