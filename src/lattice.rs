@@ -96,7 +96,7 @@ impl Lattice {
             let mut q = [0i32; 3];
             for k in 0..3 {
                 let steps = ((p[k] - self.origin[k]) / self.step + 0.5).floor();
-                if !(steps.abs() <= COORDINATE_LIMIT as f64) {
+                if steps.is_nan() || steps.abs() > f64::from(COORDINATE_LIMIT) {
                     return Err(LatticeError::OutOfRange { vertex, steps });
                 }
                 q[k] = steps as i32;

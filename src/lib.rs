@@ -8,6 +8,7 @@
 #![warn(missing_docs)]
 
 pub mod codec;
+pub mod compare;
 pub mod complex;
 pub mod container;
 pub mod decode;

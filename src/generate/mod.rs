@@ -78,7 +78,7 @@ mod tests {
             assert_eq!(terrain(n, 1).vertex_count(), n as usize);
         }
         let mesh = terrain(101, 1);
-        let mut used = vec![false; 101];
+        let mut used = [false; 101];
         mesh.corners.iter().for_each(|&v| used[v as usize] = true);
         assert!(used.iter().all(|&u| u));
     }
