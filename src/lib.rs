@@ -19,6 +19,8 @@ pub mod generate;
 pub mod lattice;
 pub mod mesh;
 mod par;
+#[cfg(feature = "samples")]
+pub mod picture;
 
 #[cfg(feature = "encode")]
 pub mod metric;
