@@ -40,6 +40,18 @@ impl Number {
     }
 }
 
+/// Models for [`golomb`] that start with the probability `p`, of 65536, for a number above 0.
+fn above_zero(p: u16) -> [Bit; 64] {
+    let mut models = [Bit::default(); 64];
+    models[0] = Bit::with(p);
+    models
+}
+
+/// Beginnings of flags that are mostly set, or mostly not: tables are too short to learn it.
+const OFTEN: u16 = 60_000;
+const SELDOM: u16 = 65_535 - OFTEN;
+const EVEN: u16 = 32_768;
+
 /// The low `bits` ≤ 64 bits of a value, all equally likely, from high to low in pieces of 32.
 fn raw<C: Coder>(c: &mut C, bits: u32, value: u64) -> u64 {
     let value = if bits < 64 { value & ((1 << bits) - 1) } else { value };
@@ -55,8 +67,9 @@ struct Difference {
 }
 
 impl Difference {
-    fn new() -> Self {
-        Difference { zero: Bit::default(), negative: Bit::default(), size: [Bit::default(); 64] }
+    /// Models that start with the given probabilities, of 65536, for zero and for a sign.
+    fn new(zero: u16, negative: u16) -> Self {
+        Difference { zero: Bit::with(zero), negative: Bit::with(negative), size: [Bit::default(); 64] }
     }
 
     /// A difference of less than `2^32` either way; `scale ≤ 31` low bits of its size less 1 go raw.
@@ -191,8 +204,9 @@ fn levels<C: Coder>(c: &mut C, size: &mut Number, known: Option<&Header>) -> Res
     }
     let triangles = rows.iter().all(|r| r.corners as u64 == 3 * r.elements as u64);
     let guess = if c.bit(&mut Bit::default(), triangles) { Corners::Triangles } else { Corners::Polygons };
-    let (mut vertices, mut elements, mut corners) = (Difference::new(), Difference::new(), Difference::new());
-    let (mut shifts, mut errors) = ([Bit::default(); 64], Difference::new());
+    let mut vertices = Difference::new(SELDOM, EVEN);
+    let (mut elements, mut corners) = (Difference::new(OFTEN, EVEN), Difference::new(OFTEN, EVEN));
+    let (mut shifts, mut errors) = (above_zero(SELDOM), Difference::new(SELDOM, OFTEN));
     let mut out: Vec<LevelInfo> = Vec::new();
     for l in 0..count as usize {
         let row = rows.get(l).copied().unwrap_or_default();
@@ -213,12 +227,16 @@ fn levels<C: Coder>(c: &mut C, size: &mut Number, known: Option<&Header>) -> Res
             out.push(first);
             continue;
         };
-        // What the level before added to the one before it; level 0 counts as having added a quarter of itself.
+        // What the last levels added, against what they added it to. Level 0 counts as having added a quarter of itself, two
+        // elements for each vertex.
         let (v, e, n) = (before.vertices as i64, before.elements as i64, before.corners as i64);
-        let earlier = l.checked_sub(2).and_then(|i| out.get(i));
-        let (grown_v, grown_e, from_v) = match earlier {
-            Some(r) => (v - r.vertices as i64, e - r.elements as i64, r.vertices as i64),
-            None => (v / 4, v / 2, v),
+        let window = &out[l.saturating_sub(WINDOW + 1)..l - 1];
+        let (grown_v, grown_e, from_v) = match window.first() {
+            Some(r) => {
+                let sum = window.iter().map(|r| r.vertices as i64).sum();
+                (v - r.vertices as i64, e - r.elements as i64, sum)
+            }
+            None => (v, 2 * v, 4 * v),
         };
         let clamp = |guess: i64| guess.clamp(0, MAX_COUNT as i64);
         let guess_v = clamp(v + scaled(grown_v, v, from_v));
@@ -246,6 +264,9 @@ fn levels<C: Coder>(c: &mut C, size: &mut Number, known: Option<&Header>) -> Res
     Ok(out)
 }
 
+/// How many steps between levels the growth is averaged over.
+const WINDOW: usize = 3;
+
 fn error_code(code: i64, place: Place) -> Result<ErrorBound, ContainerError> {
     match u16::try_from(code).ok().and_then(ErrorBound::from_code) {
         Some(bound) => Ok(bound),
@@ -265,9 +286,9 @@ fn chunks<C: Coder>(
 ) -> Result<Vec<ChunkInfo>, ContainerError> {
     let rows = given.unwrap_or_default();
     let mut follows = Bit::default();
-    let (mut kinds, mut skips) = ([Bit::default(); 64], Difference::new());
-    let (mut spans, mut segment_numbers) = ([Bit::default(); 64], [Bit::default(); 64]);
-    let (mut lengths, mut memories) = (Number::new(), Difference::new());
+    let (mut kinds, mut skips) = ([Bit::default(); 64], Difference::new(OFTEN, EVEN));
+    let (mut spans, mut segment_numbers) = (above_zero(SELDOM), above_zero(SELDOM));
+    let (mut lengths, mut memories) = (Number::new(), Difference::new(EVEN, EVEN));
     let mut out: Vec<ChunkInfo> = Vec::with_capacity(chunk_count);
     let mut memory = 0i64;
     // A base of nothing stands before the first row.
