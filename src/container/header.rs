@@ -91,6 +91,18 @@ impl Header {
         Some(self.levels.get(level as usize)?.error.distance(self.lattice.step))
     }
 
+    /// The finest level of at most `vertices` vertices, `None` when level 0 has more.
+    pub fn finest_of(&self, vertices: u32) -> Option<u32> {
+        (self.levels.partition_point(|row| row.vertices <= vertices) as u32).checked_sub(1)
+    }
+
+    /// The coarsest level that is surely no farther than `distance`, in the units of the model, from the input; `None` when
+    /// not even the full level is.
+    pub fn coarsest_within(&self, distance: f64) -> Option<u32> {
+        let within = |row: &LevelInfo| row.error.distance(self.lattice.step) <= distance;
+        Some(self.levels.iter().position(within)? as u32)
+    }
+
     /// Check what a header may say.
     pub(super) fn validate(&self) -> Result<(), ContainerError> {
         let header = |what| inconsistent(Place::Header, what);

@@ -178,6 +178,20 @@ fn a_file_comes_back() {
 }
 
 #[test]
+fn a_level_is_found_by_size_or_error() {
+    let header = scan(9, 1000, 4);
+    for (l, row) in header.levels.iter().enumerate() {
+        let l = l as u32;
+        assert_eq!(header.finest_of(row.vertices), Some(l));
+        assert_eq!(header.finest_of(row.vertices - 1), l.checked_sub(1));
+        assert_eq!(header.coarsest_within(header.error(l).unwrap()), Some(l));
+    }
+    assert_eq!(header.coarsest_within(0.0), None);
+    assert_eq!(header.coarsest_within(f64::NAN), None);
+    assert_eq!(header.error(9), None);
+}
+
+#[test]
 fn nothing_and_one_vertex_come_back() {
     for vertices in [0, 1] {
         let header = Header {
