@@ -204,6 +204,7 @@ impl Gatherer {
         patch.half = half;
         self.join(a, b, pa, half, patch);
         self.fans(a, b_in_a, patch);
+        patch.border_ab = ab_faces + ab_strings == 1;
         patch.class = self.classify(ab_faces, patch);
     }
 
@@ -260,7 +261,7 @@ impl Gatherer {
                 if p == b_in_a || q == b_in_a {
                     if p != q {
                         let x = self.map_a[if p == b_in_a { q } else { p } as usize];
-                        patch.vanishing.push(x);
+                        patch.vanishing.push((x, q == b_in_a));
                         let r = &mut patch.ring[x as usize];
                         (r.spoke_a, r.spoke_b) = (true, true);
                         if fans.len() == 1 {

@@ -54,6 +54,7 @@ pub struct Scratch {
     after: Vec<Block>,
     /// Ring vertices in the frame of the patch, by block.
     flat: Vec<Lane3>,
+    crossings: Vec<Crossing>,
 }
 
 #[inline(always)]
@@ -112,7 +113,15 @@ fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// Fill in what follows from `e0` and `e1`.
+/// Fill in the normals: all that a patch needs which no point is compared with.
+#[inline(always)]
+fn prepare_normals(b: &mut Block) {
+    for l in 0..LANES {
+        put(&mut b.n, l, cross(lane(&b.e0, l), lane(&b.e1, l)));
+    }
+}
+
+/// Fill in all that follows from `e0` and `e1`.
 #[inline(always)]
 fn prepare(b: &mut Block) {
     for l in 0..LANES {
@@ -202,7 +211,7 @@ fn area_change(patch: &Patch) -> f32 {
         let (p, q) = (patch.ring[t.p as usize].at, patch.ring[t.q as usize].at);
         change += area([0.0; 3], p, q) - area(if t.at_b { b } else { a }, p, q);
     }
-    for &x in &patch.vanishing {
+    for &(x, _) in &patch.vanishing {
         change -= area(patch.ring[x as usize].at, a, b);
     }
     change
@@ -218,26 +227,21 @@ fn ordinary(patch: &Patch, scratch: &mut Scratch) -> (f32, bool) {
         return (reach, folds_polygons(patch, a, b));
     }
     lay_out(patch, scratch);
-    let Scratch { before, after, flat } = scratch;
 
-    let mut worst = larger(distance2(a, after), distance2(b, after));
+    let mut worst = larger(distance2(a, &scratch.after), distance2(b, &scratch.after));
     if patch.borders {
         worst = larger(worst, borders(patch, a, b));
     }
-
-    let folds = if patch.polygons { folds_polygons(patch, a, b) } else { folds_triangles(before, after) };
-
+    let folds =
+        if patch.polygons { folds_polygons(patch, a, b) } else { folds_triangles(&scratch.before, &scratch.after) };
     if reach <= worst {
         return (worst, folds);
     }
-    match frame(before, after) {
-        Some(frame) => worst = crossings(patch, before, after, flat, &frame, a, b, worst),
-        None => {
-            // At half the spoke the motion is half as large, too.
-            if reach * 0.25 > worst {
-                worst = middles(patch, before, after, a, b, worst);
-            }
-        }
+    match frame(&scratch.before, &scratch.after) {
+        Some(frame) => worst = crossings(patch, scratch, &frame, worst),
+        // In the middle of a spoke the motion is half as large as at its end.
+        None if reach * 0.25 > worst => worst = middles(patch, scratch, worst),
+        None => {}
     }
     (worst, folds)
 }
@@ -267,42 +271,67 @@ fn lay_out(patch: &Patch, scratch: &mut Scratch) {
         put(&mut before.e1, l, sub(q, c));
     }
     let ab = sub(b, a);
-    for (i, &x) in (n..).zip(&patch.vanishing) {
+    for (i, &(x, reversed)) in (n..).zip(&patch.vanishing) {
         let (block, l) = (i / LANES, i % LANES);
         let before = &mut scratch.before[block];
         put(&mut before.c, l, a);
-        put(&mut before.e0, l, ab);
-        put(&mut before.e1, l, sub(patch.ring[x as usize].at, a));
+        let ax = sub(patch.ring[x as usize].at, a);
+        put(&mut before.e0, l, if reversed { ax } else { ab });
+        put(&mut before.e1, l, if reversed { ab } else { ax });
     }
-    for block in scratch.after.iter_mut().chain(&mut scratch.before) {
+    for block in &mut scratch.after {
         prepare(block);
+    }
+    for block in &mut scratch.before {
+        prepare_normals(block);
     }
 }
 
-/// Shape of a triangle: squared normal over the fourth power of the longest edge, from what a block holds.
+/// Shape of a triangle: squared normal over the fourth power of the longest edge.
 #[inline(always)]
-fn shape(nn: f32, i0: f32, i1: f32, i2: f32) -> f32 {
-    let i = smaller(smaller(i0, i1), i2);
+fn shape(nn: f32, longest: f32) -> f32 {
+    let i = inverse(longest);
     nn * i * i
 }
+
+/// Whether shapes before and after say that a triangle became a sliver: twice its area below 1/100 of the longest edge
+/// squared, and a quarter of what it was.
+#[inline(always)]
+fn sliver(before: f32, after: f32) -> bool {
+    after < SLIVER && after * 16.0 < before
+}
+
+/// See [`sliver`].
+const SLIVER: f32 = 1e-4;
 
 /// Whether a surviving triangle turns over or becomes a sliver. Dangling edges have normal 0 and shape 0 before and
 /// after, and so never do.
 #[inline(always)]
 fn folds_triangles(before: &[Block], after: &[Block]) -> bool {
-    let mut any = [false; LANES];
     for (b, a) in before.iter().zip(after) {
+        let mut turns = [0.0f32; LANES];
+        let mut thin = [1.0f32; LANES];
         for l in 0..LANES {
-            let (nb, na) = (lane(&b.n, l), lane(&a.n, l));
-            let turns = dot(nb, na) < 0.0;
-            let sb = shape(dot(nb, nb), b.i0[l], b.i1[l], b.i2[l]);
-            let sa = shape(dot(na, na), a.i0[l], a.i1[l], a.i2[l]);
-            // Twice the area below 1/100 of the longest edge squared, and a quarter of what it was.
-            let sliver = (sa < 1e-4) & (sa * 16.0 < sb);
-            any[l] |= turns | sliver;
+            let na = lane(&a.n, l);
+            turns[l] = dot(lane(&b.n, l), na);
+            let i = smaller(smaller(a.i0[l], a.i1[l]), a.i2[l]);
+            thin[l] = dot(na, na) * i * i;
+        }
+        for l in 0..LANES {
+            if turns[l] < 0.0 {
+                return true;
+            }
+            if (thin[l] < SLIVER) & (a.i0[l] > 0.0) {
+                let (e0, e1, n) = (lane(&b.e0, l), lane(&b.e1, l), lane(&b.n, l));
+                let e2 = sub(e1, e0);
+                let longest = larger(larger(dot(e0, e0), dot(e1, e1)), dot(e2, e2));
+                if sliver(shape(dot(n, n), longest), thin[l]) {
+                    return true;
+                }
+            }
         }
     }
-    any.iter().any(|&x| x)
+    false
 }
 
 /// The same for polygons: their vector areas, as far as the fan shows them.
@@ -311,9 +340,7 @@ fn folds_polygons(patch: &Patch, a: [f32; 3], b: [f32; 3]) -> bool {
     let mut na = [0.0f32; 3];
     let (mut lb, mut la) = (0.0f32, 0.0f32);
     let bad = |nb: [f32; 3], na: [f32; 3], lb: f32, la: f32| {
-        let (ib, ia) = (inverse(lb), inverse(la));
-        let (sb, sa) = (dot(nb, nb) * ib * ib, dot(na, na) * ia * ia);
-        dot(nb, na) < 0.0 || (sa < 1e-4 && sa * 16.0 < sb)
+        dot(nb, na) < 0.0 || sliver(shape(dot(nb, nb), lb), shape(dot(na, na), la))
     };
     for t in &patch.triangles {
         let (p, q) = (patch.ring[t.p as usize].at, patch.ring[t.q as usize].at);
@@ -341,7 +368,8 @@ fn folds_polygons(patch: &Patch, a: [f32; 3], b: [f32; 3]) -> bool {
 fn borders(patch: &Patch, a: [f32; 3], b: [f32; 3]) -> f32 {
     let mut to_a = f32::INFINITY;
     let mut to_b = f32::INFINITY;
-    let mut to_v = f32::INFINITY;
+    // v is the middle of the edge.
+    let mut to_v = if patch.border_ab { 0.0 } else { f32::INFINITY };
     let (mut at_a, mut at_b) = (false, false);
     for r in &patch.ring {
         if r.border_after {
@@ -388,8 +416,7 @@ fn frame(before: &[Block], after: &[Block]) -> Option<[[f32; 3]; 3]> {
     }
     let nn = dot(n, n);
     let against = low.iter().any(|&x| x < 0.0);
-    // Not `nn <= 0.0`: the sum may be no number at all.
-    if against || !(nn > 0.0) {
+    if against || nn.is_nan() || nn <= 0.0 {
         return None;
     }
     let n = scale(n, 1.0 / nn.sqrt());
@@ -402,21 +429,69 @@ fn frame(before: &[Block], after: &[Block]) -> Option<[[f32; 3]; 3]> {
     Some([x, y, n])
 }
 
+/// A crossing of a spoke before with a spoke after.
+#[derive(Clone, Copy, Debug)]
+struct Crossing {
+    /// Squared distance between the two points.
+    gap: f32,
+    /// The point on the spoke before: `c + t·(x − c)`.
+    before: [f32; 3],
+    /// The point on the spoke after.
+    after: [f32; 3],
+    /// Ends of the spoke before.
+    c: [f32; 3],
+    x: [f32; 3],
+    /// End of the spoke after; it begins at 0.
+    y: [f32; 3],
+}
+
 /// Raise `worst` by the crossings of spokes before with spokes after.
-#[allow(clippy::too_many_arguments)] // all of it is one patch
 #[inline(always)]
-fn crossings(
-    patch: &Patch,
-    before: &[Block],
-    after: &[Block],
-    flat: &mut Vec<Lane3>,
-    frame: &[[f32; 3]; 3],
-    a: [f32; 3],
-    b: [f32; 3],
-    mut worst: f32,
-) -> f32 {
-    // The ring in the frame. A vertex without a spoke (a far corner of a polygon) has fan diagonals instead, which
-    // cross just as edges do.
+fn crossings(patch: &Patch, scratch: &mut Scratch, frame: &[[f32; 3]; 3], mut worst: f32) -> f32 {
+    find_crossings(patch, scratch, frame, worst);
+    let mut complete = false;
+    // The largest gap first: it mostly answers for the rest.
+    while let Some(at) = largest(&scratch.crossings) {
+        let k = scratch.crossings.swap_remove(at);
+        if k.gap <= worst {
+            break;
+        }
+        // Each spoke belongs to its patch: the distance to it bounds the distance to the patch.
+        if segment2(k.before, [0.0; 3], k.y) > worst {
+            worst = larger(worst, distance2(k.before, &scratch.after));
+        }
+        if segment2(k.after, k.c, k.x) > worst {
+            if !complete {
+                scratch.before.iter_mut().for_each(prepare);
+                complete = true;
+            }
+            worst = larger(worst, distance2(k.after, &scratch.before));
+        }
+    }
+    worst
+}
+
+/// Place of the largest gap.
+#[inline(always)]
+fn largest(crossings: &[Crossing]) -> Option<usize> {
+    let mut best = None;
+    let mut gap = 0.0;
+    for (i, k) in crossings.iter().enumerate() {
+        if k.gap > gap {
+            (best, gap) = (Some(i), k.gap);
+        }
+    }
+    best
+}
+
+/// List the crossings whose two points are farther apart than the square root of `worst`: the others raise nothing, as neither of
+/// their points is farther from the other's patch.
+#[inline(always)]
+fn find_crossings(patch: &Patch, scratch: &mut Scratch, frame: &[[f32; 3]; 3], worst: f32) {
+    let b = patch.half;
+    let a = scale(b, -1.0);
+    let Scratch { flat, crossings, .. } = scratch;
+    crossings.clear();
     flat.clear();
     flat.resize(patch.ring.len().div_ceil(LANES), [[0.0; LANES]; 3]);
     for (i, r) in patch.ring.iter().enumerate() {
@@ -441,50 +516,50 @@ fn crossings(
             for (block, f) in flat.iter().enumerate() {
                 // c + t·d = s·y in the plane: t = c×y / y×d, s = c×d / y×d.
                 let mut gap = [0.0f32; LANES];
-                let mut t = [0.0f32; LANES];
-                let mut s = [0.0f32; LANES];
-                let mut most = [0.0f32; LANES];
+                let mut ts = [[0.0f32; LANES]; 2];
                 for l in 0..LANES {
                     let y = lane(f, l);
-                    let det = y[0] * d[1] - y[1] * d[0];
-                    let inv = 1.0 / det;
-                    let tl = (fc[0] * y[1] - fc[1] * y[0]) * inv;
-                    let sl = along * inv;
-                    let z = fc[2] + tl * d[2] - sl * y[2];
+                    let inv = 1.0 / (y[0] * d[1] - y[1] * d[0]);
+                    let t = (fc[0] * y[1] - fc[1] * y[0]) * inv;
+                    let s = along * inv;
+                    let z = fc[2] + t * d[2] - s * y[2];
                     // Parallel lines give an infinity or no number: neither passes.
-                    let inside = (tl > 0.0) & (tl < 1.0) & (sl > 0.0) & (sl < 1.0);
+                    let inside = (t > 0.0) & (t < 1.0) & (s > 0.0) & (s < 1.0);
                     gap[l] = if inside { z * z } else { 0.0 };
-                    t[l] = tl;
-                    s[l] = sl;
-                    most[l] = gap[l];
+                    (ts[0][l], ts[1][l]) = (t, s);
                 }
-                let mut top = most[0];
-                for m in &most[1..] {
-                    top = larger(top, *m);
+                let mut top = gap[0];
+                for g in &gap[1..] {
+                    top = larger(top, *g);
                 }
-                // The two points are `gap` apart, so neither is farther from the other's patch.
                 if top <= worst {
                     continue;
                 }
                 for l in 0..LANES {
                     if gap[l] > worst {
-                        let e = sub(r.at, c);
-                        let p = [c[0] + t[l] * e[0], c[1] + t[l] * e[1], c[2] + t[l] * e[2]];
+                        let (e, t) = (sub(r.at, c), ts[0][l]);
                         let y = patch.ring[block * LANES + l].at;
-                        worst = larger(worst, distance2(p, after));
-                        if gap[l] > worst {
-                            worst = larger(worst, distance2(scale(y, s[l]), before));
-                        }
+                        crossings.push(Crossing {
+                            gap: gap[l],
+                            before: [c[0] + t * e[0], c[1] + t * e[1], c[2] + t * e[2]],
+                            after: scale(y, ts[1][l]),
+                            c,
+                            x: r.at,
+                            y,
+                        });
                     }
                 }
             }
         }
     }
-    worst
 }
 
 /// Raise `worst` by the middles of all spokes, both ways.
-fn middles(patch: &Patch, before: &[Block], after: &[Block], a: [f32; 3], b: [f32; 3], mut worst: f32) -> f32 {
+fn middles(patch: &Patch, scratch: &mut Scratch, mut worst: f32) -> f32 {
+    let b = patch.half;
+    let a = scale(b, -1.0);
+    scratch.before.iter_mut().for_each(prepare);
+    let (before, after) = (&scratch.before, &scratch.after);
     let middle = |c: [f32; 3], x: [f32; 3]| [0.5 * (c[0] + x[0]), 0.5 * (c[1] + x[1]), 0.5 * (c[2] + x[2])];
     for r in &patch.ring {
         if r.spoke_a {

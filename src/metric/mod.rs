@@ -15,3 +15,6 @@ pub use fixed::{Fixed, Scale};
 pub use gather::Gatherer;
 pub use weigher::{Carried, WeighInput, Weigher, dirty_vertices};
 pub use weight::{Class, Patch, PatchTriangle, RING_MOST, RingVertex, Scratch, Weight, edge_weight};
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -114,12 +114,14 @@ pub struct Patch {
     pub ring: Vec<RingVertex>,
     /// Triangles with one moving corner: they survive the collapse.
     pub triangles: Vec<PatchTriangle>,
-    /// Third corners of triangles `(a, b, x)`: they vanish.
-    pub vanishing: Vec<u16>,
+    /// Third corners `x` of the triangles that vanish, and whether they run `(b, a, x)` instead of `(a, b, x)`.
+    pub vanishing: Vec<(u16, bool)>,
     /// Whether some element has more than three corners.
     pub polygons: bool,
-    /// Whether some `border_*` is set.
+    /// Whether some `border_*` of the ring is set.
     pub borders: bool,
+    /// The edge `{a, b}` has exactly one element.
+    pub border_ab: bool,
 }
 
 impl Default for Patch {
@@ -132,6 +134,7 @@ impl Default for Patch {
             vanishing: Vec::new(),
             polygons: false,
             borders: false,
+            border_ab: false,
         }
     }
 }

@@ -3,3 +3,6 @@
 mod select;
 
 pub use select::{SelectInput, SelectOptions, select};
+
+#[cfg(test)]
+mod tests;

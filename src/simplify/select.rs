@@ -102,7 +102,7 @@ fn mean(weights: &[Fixed], class: Class) -> Option<Mean> {
 }
 
 /// A hash of an edge from the lasting numbers of its ends, alike in either order.
-fn hash(a: u32, b: u32) -> u32 {
+pub(super) fn hash(a: u32, b: u32) -> u32 {
     let mut x = u64::from(a.min(b)) << 32 | u64::from(a.max(b));
     // The finalizer of SplitMix64.
     x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
