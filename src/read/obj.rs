@@ -219,7 +219,6 @@ fn line(b: &mut Builder, c: &mut Cursor<'_>, farthest: &mut Farthest) -> Result<
 #[cfg(test)]
 mod tests {
     use super::super::{Format, ReadMesh, ReadOptions, Warning, read_bytes};
-    use super::*;
 
     fn obj(text: &str) -> ReadMesh {
         read_bytes(text.as_bytes(), Format::Obj, None, &ReadOptions::default()).unwrap()

@@ -1,0 +1,239 @@
+//! Accessors: typed views of buffers, with strides, normalized integers and sparse replacements.
+
+use serde_json::Value;
+
+use super::super::build::{Budget, Kind};
+use super::super::error::{At, Fail, Place, ReadErrorKind};
+use super::json::{in_range, list, needed, text, uint};
+use super::{Document, top};
+
+/// The types of components.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Component {
+    I8,
+    U8,
+    I16,
+    U16,
+    U32,
+    F32,
+}
+
+impl Component {
+    fn parse(code: u64) -> Result<Self, Kind> {
+        Ok(match code {
+            5120 => Component::I8,
+            5121 => Component::U8,
+            5122 => Component::I16,
+            5123 => Component::U16,
+            5125 => Component::U32,
+            5126 => Component::F32,
+            _ => return Err(ReadErrorKind::Syntax(format!("{code} is not a component type; mend the document"))),
+        })
+    }
+
+    fn size(self) -> usize {
+        match self {
+            Component::I8 | Component::U8 => 1,
+            Component::I16 | Component::U16 => 2,
+            Component::U32 | Component::F32 => 4,
+        }
+    }
+
+    /// The first component of `b`, which holds one.
+    #[inline]
+    fn value(self, b: &[u8]) -> f64 {
+        match self {
+            Component::I8 => f64::from(b[0] as i8),
+            Component::U8 => f64::from(b[0]),
+            Component::I16 => f64::from(i16::from_le_bytes([b[0], b[1]])),
+            Component::U16 => f64::from(u16::from_le_bytes([b[0], b[1]])),
+            Component::U32 => f64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]])),
+            Component::F32 => f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]])),
+        }
+    }
+
+    /// What a normalized value is divided by.
+    fn scale(self) -> f64 {
+        match self {
+            Component::I8 => 127.0,
+            Component::U8 => 255.0,
+            Component::I16 => 32767.0,
+            Component::U16 => 65535.0,
+            Component::U32 | Component::F32 => 1.0,
+        }
+    }
+}
+
+/// A run of items in a buffer; checked to lie inside.
+#[derive(Clone, Copy, Debug)]
+struct View {
+    buffer: usize,
+    start: usize,
+    stride: usize,
+}
+
+/// Items that replace others.
+#[derive(Clone, Debug)]
+struct Sparse {
+    count: usize,
+    indices: View,
+    index_type: Component,
+    values: View,
+}
+
+/// A checked accessor.
+#[derive(Clone, Debug)]
+pub(super) struct Accessor {
+    pub count: usize,
+    component: Component,
+    normalized: bool,
+    /// `None`: all zeros.
+    view: Option<View>,
+    sparse: Option<Sparse>,
+    /// Its number in the document, for messages.
+    number: usize,
+}
+
+impl Accessor {
+    /// Check accessor `number`, which must have `N` components per item, and load its buffers.
+    pub fn new<const N: usize>(doc: &mut Document<'_>, number: u64, budget: &mut Budget) -> Result<Self, Fail> {
+        let at = || Place::Item(format!("accessors[{number}]"));
+        let json = doc.json;
+        let buffers = &mut doc.buffers;
+        let all = list(json, "accessors").at(top)?;
+        let number = in_range(number, all.len(), "accessors").at(at)?;
+        let a = &all[number];
+        let wanted = ["SCALAR", "VEC2", "VEC3", "VEC4"][N - 1];
+        let found = text(a, "type").at(at)?.unwrap_or("nothing");
+        if found != wanted {
+            let found: String = found.chars().take(12).collect();
+            return Err(Kind::Syntax(format!("the type is {found}, but {wanted} is needed here; mend the document")))
+                .at(at);
+        }
+        let count = needed(a, "count").at(at)?;
+        let component = needed(a, "componentType").and_then(Component::parse).at(at)?;
+        let normalized = a.get("normalized").and_then(Value::as_bool).unwrap_or(false);
+        let size = N * component.size();
+        let mut view = |item: &Value, offset_key: &str, count: u64, size: usize| -> Result<Option<View>, Fail> {
+            let Some(number) = uint(item, "bufferView").at(at)? else { return Ok(None) };
+            let views = list(json, "bufferViews").at(top)?;
+            let v = &views[in_range(number, views.len(), "bufferViews").at(at)?];
+            let at_view = || Place::Item(format!("bufferViews[{number}]"));
+            if v.pointer("/extensions/EXT_meshopt_compression").is_some() {
+                let name = "EXT_meshopt_compression".to_string();
+                return Err(ReadErrorKind::Extension(name)).at(at_view);
+            }
+            let buffer = needed(v, "buffer").at(at_view)?;
+            let buffer = in_range(buffer, list(json, "buffers").at(top)?.len(), "buffers").at(at_view)?;
+            buffers.load(json, buffer, budget)?;
+            let held = buffers.get(buffer).len() as u64;
+            let start = uint(v, "byteOffset").at(at_view)?.unwrap_or(0);
+            let length = needed(v, "byteLength").at(at_view)?;
+            if start.saturating_add(length) > held {
+                let end = start.saturating_add(length);
+                let outside = format!("it ends at byte {end} of a buffer of {held} bytes; mend the document");
+                return Err(Kind::Syntax(outside)).at(at_view);
+            }
+            let stride = uint(v, "byteStride").at(at_view)?.unwrap_or(size as u64);
+            let offset = uint(item, offset_key).at(at)?.unwrap_or(0);
+            let needs = match count.checked_sub(1) {
+                Some(last) => offset.saturating_add(last.saturating_mul(stride)).saturating_add(size as u64),
+                None => 0,
+            };
+            if stride < size as u64 || needs > length {
+                let (what, bytes) = (format!("items of {size} bytes"), length.saturating_sub(offset));
+                return Err(ReadErrorKind::Count { what, count, bytes }).at(at);
+            }
+            // All are below the length of the buffer, except for an empty accessor's offset.
+            let start = start.saturating_add(offset).min(held) as usize;
+            Ok(Some(View { buffer, start, stride: stride.min(held) as usize }))
+        };
+        let main = view(a, "byteOffset", count, size)?;
+        let sparse = match a.get("sparse") {
+            None => None,
+            Some(s) => {
+                let missing = || Kind::Syntax("`sparse` is not complete; mend the document".to_string());
+                let (indices, values) = s.get("indices").zip(s.get("values")).ok_or_else(missing).at(at)?;
+                let replaced = needed(s, "count").at(at)?;
+                let index_type = needed(indices, "componentType").and_then(Component::parse).at(at)?;
+                let index_view =
+                    view(indices, "byteOffset", replaced, index_type.size())?.ok_or_else(missing).at(at)?;
+                let values = view(values, "byteOffset", replaced, size)?.ok_or_else(missing).at(at)?;
+                Some(Sparse { count: replaced as usize, indices: index_view, index_type, values })
+            }
+        };
+        // Zeros need no bytes in the file; but more items than it has bytes are an attack, not a mesh.
+        if main.is_none() && count > doc.buffers.bytes {
+            let what = "items without data".to_string();
+            return Err(ReadErrorKind::Count { what, count, bytes: doc.buffers.bytes }).at(at);
+        }
+        Ok(Accessor { count: count as usize, component, normalized, view: main, sparse, number })
+    }
+
+    /// True when the items can be vertex numbers.
+    pub fn is_unsigned(&self) -> bool {
+        matches!(self.component, Component::U8 | Component::U16 | Component::U32) && !self.normalized
+    }
+
+    pub fn place(&self) -> Place {
+        Place::Item(format!("accessors[{}]", self.number))
+    }
+
+    #[inline]
+    fn item<const N: usize>(&self, doc: &Document<'_>, view: View, i: usize) -> [f64; N] {
+        let size = self.component.size();
+        let item = &doc.buffers.get(view.buffer)[view.start + i * view.stride..][..N * size];
+        std::array::from_fn(|k| {
+            let value = self.component.value(&item[k * size..]);
+            if self.normalized { (value / self.component.scale()).max(-1.0) } else { value }
+        })
+    }
+
+    /// All items in order. `N` is the number of components it was checked for.
+    #[inline]
+    pub fn each<const N: usize>(
+        &self,
+        doc: &Document<'_>,
+        mut take: impl FnMut([f64; N]) -> Result<(), Kind>,
+    ) -> Result<(), Fail> {
+        let (mut next, mut replacement) = (None, 0);
+        if let Some(s) = &self.sparse {
+            next = self.sparse_index(doc, s, 0, None)?;
+        }
+        for i in 0..self.count {
+            let mut item = match self.view {
+                Some(view) => self.item(doc, view, i),
+                None => [0.0; N],
+            };
+            if next == Some(i)
+                && let Some(s) = &self.sparse
+            {
+                item = self.item(doc, s.values, replacement);
+                replacement += 1;
+                next = self.sparse_index(doc, s, replacement, next)?;
+            }
+            take(item).at(|| self.place())?;
+        }
+        Ok(())
+    }
+
+    /// The `k`-th replaced item; they have to increase.
+    fn sparse_index(
+        &self,
+        doc: &Document<'_>,
+        s: &Sparse,
+        k: usize,
+        last: Option<usize>,
+    ) -> Result<Option<usize>, Fail> {
+        if k >= s.count {
+            return Ok(None);
+        }
+        let bytes = &doc.buffers.get(s.indices.buffer)[s.indices.start + k * s.indices.stride..];
+        let index = s.index_type.value(bytes) as usize;
+        if index >= self.count || last.is_some_and(|l| index <= l) {
+            let wrong = format!("sparse index {index} is out of order or not below {}; mend the document", self.count);
+            return Err(Kind::Syntax(wrong)).at(|| self.place());
+        }
+        Ok(Some(index))
+    }
+}
