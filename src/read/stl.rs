@@ -237,7 +237,7 @@ mod tests {
             "input, byte 158: vertex 4 (counted from 0) has a coordinate that is not a finite number (NaN); mend or remove the vertex"
         );
         assert_eq!(
-            error(&TEXT.split("vertex 1").next().unwrap().as_bytes()),
+            error(TEXT.split("vertex 1").next().unwrap().as_bytes()),
             "input, line 5: the file ends inside a facet, before `vertex` or `endloop`; it was cut, fetch it again"
         );
         assert_eq!(
