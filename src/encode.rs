@@ -1,7 +1,13 @@
 //! The encoder's front door: a mesh in, the bytes of a `.lods` file and an account of the work out.
 
-use crate::lattice::{LatticeError, Quantization};
+use crate::codec::aside::code_aside;
+use crate::codec::range;
+use crate::complex::{Faces, Level};
+use crate::container::{self, AsideCounts, Chunk, ContainerError, ErrorBound, Header, LevelInfo};
+use crate::lattice::{Lattice, LatticeError, Quantization};
 use crate::mesh::{Mesh, MeshError};
+use crate::simplify::{ReplayError, SimplifyOptions, replay, simplify};
+use std::time::Instant;
 use thiserror::Error;
 
 /// What the user chooses.
@@ -100,6 +106,12 @@ pub enum EncodeError {
     /// The lattice cannot hold it.
     #[error(transparent)]
     Lattice(#[from] LatticeError),
+    /// The container cannot hold it.
+    #[error(transparent)]
+    Container(#[from] ContainerError),
+    /// A bug of the encoder.
+    #[error("{0}; this is a bug of the encoder, please report it with the mesh")]
+    Bug(#[from] ReplayError),
 }
 
 /// Encode `mesh`. Runs on the current rayon pool; the bytes do not depend on its size.
@@ -112,6 +124,135 @@ pub fn encode(
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Encoded, EncodeError> {
     mesh.validate()?;
-    let _ = (options, progress);
-    Ok(Encoded { bytes: Vec::new(), map: Vec::new(), report: EncodeReport::default() })
+    let lattice = Lattice::choose(options.quantization, &mesh.positions)?;
+    let positions = lattice.quantize(&mesh.positions)?;
+    let (faces, aside) = part(mesh);
+    let components = components(positions.len(), mesh);
+    let bounds = positions.first().map(|&first| {
+        positions.iter().fold([first; 2], |[lo, hi], p| {
+            [std::array::from_fn(|k| lo[k].min(p[k])), std::array::from_fn(|k| hi[k].max(p[k]))]
+        })
+    });
+    let total = positions.len() as u64;
+    let slots = positions.len();
+    let level = Level { positions, faces, shift: 0 };
+    let simplify_options = SimplifyOptions { lock_borders: options.lock_borders, ..SimplifyOptions::default() };
+    let history = simplify(level, &simplify_options, &|left| {
+        progress(Progress { stage: Stage::Simplify, done: total - left, total });
+    });
+    let clock = Instant::now();
+    let replayed =
+        replay(&history, slots, &|done| progress(Progress { stage: Stage::Encode, done, total }))?;
+
+    let mut chunks: Vec<Chunk> = replayed
+        .pieces
+        .into_iter()
+        .map(|p| match p.segment {
+            Some((s, of)) => Chunk::segment(p.first, s, of, p.payload),
+            None if p.first == 0 => Chunk::base(p.last, p.payload),
+            None => Chunk::levels(p.first..=p.last, p.payload),
+        })
+        .collect();
+    let full_level = replayed.levels.len() as u32 - 1;
+    let mut aside_bits = 0.0;
+    let aside_counts = AsideCounts { elements: aside.len() as u32, corners: aside.corners.len() as u32 };
+    if !aside.is_empty() {
+        let mut coder = range::Encoder::new();
+        let mut faces = Faces::new();
+        for f in aside.iter() {
+            let f: Vec<u32> = f.iter().map(|&v| replayed.number[v as usize]).collect();
+            faces.push(&f);
+        }
+        code_aside(&mut coder, slots, &mut faces, aside.corners.len()).map_err(ReplayError::Base)?;
+        let payload = coder.finish();
+        aside_bits = payload.len() as f64 * 8.0;
+        chunks.push(Chunk::aside(full_level, payload));
+    }
+    let quantum = lattice.step * 3f64.sqrt() / 2.0;
+    let header = Header {
+        required: 0,
+        optional: 0,
+        lattice,
+        position_bits: match options.quantization {
+            Quantization::Bits(b) => Some(b),
+            Quantization::Step { .. } => None,
+        },
+        bounds,
+        components,
+        aside: aside_counts,
+        levels: replayed
+            .levels
+            .iter()
+            .map(|&(vertices, elements, corners, shift, error)| LevelInfo {
+                vertices,
+                elements,
+                corners,
+                shift,
+                error: ErrorBound::covering(error * lattice.step + quantum, lattice.step),
+            })
+            .collect(),
+    };
+    let bytes = container::write(&header, &chunks)?;
+    let payload: usize = chunks.iter().map(|c| c.payload.len()).sum();
+    let account = replayed.account;
+    let report = EncodeReport {
+        vertices: slots,
+        faces: mesh.face_count(),
+        components: components as usize,
+        levels: header.levels.len(),
+        bits: BitsByKind {
+            header: (bytes.len() - payload) as f64 * 8.0,
+            points: account.points,
+            connectivity: account.splits.connectivity,
+            geometry: account.splits.geometry,
+            aside: aside_bits,
+        },
+        edges_weighed: history.edges_weighed,
+        weigh_seconds: history.seconds[0],
+        select_seconds: history.seconds[1],
+        collapse_seconds: history.seconds[2],
+        encode_seconds: clock.elapsed().as_secs_f64(),
+    };
+    Ok(Encoded { bytes, map: replayed.number, report })
+}
+
+/// The elements that the complex can hold, and those that repeat a vertex.
+fn part(mesh: &Mesh) -> (Faces, Faces) {
+    let (mut faces, mut aside) = (Faces::new(), Faces::new());
+    let mut sorted = Vec::new();
+    for f in mesh.faces() {
+        let repeats = if f.len() <= 8 {
+            (1..f.len()).any(|i| f[..i].contains(&f[i]))
+        } else {
+            sorted.clear();
+            sorted.extend_from_slice(f);
+            sorted.sort_unstable();
+            sorted.windows(2).any(|w| w[0] == w[1])
+        };
+        if repeats { aside.push(f) } else { faces.push(f) }
+    }
+    (faces, aside)
+}
+
+/// Connected components of `n` vertices through the elements of the mesh.
+fn components(n: usize, mesh: &Mesh) -> u32 {
+    let mut root: Vec<u32> = (0..n as u32).collect();
+    fn find(root: &mut [u32], mut v: u32) -> u32 {
+        while root[v as usize] != v {
+            root[v as usize] = root[root[v as usize] as usize];
+            v = root[v as usize];
+        }
+        v
+    }
+    let mut count = n as u32;
+    for f in mesh.faces() {
+        for &v in &f[1..] {
+            let (a, b) = (find(&mut root, f[0]), find(&mut root, v));
+            if a != b {
+                root[a.max(b) as usize] = a.min(b);
+                count -= 1;
+            }
+        }
+    }
+    count
 }

@@ -8,6 +8,8 @@
 //! interval. The decoder reads zeros behind the end of its bytes and never fails on the way: [`Decoder::overrun`]
 //! tells at the end whether the stream was too short.
 
+use std::borrow::Cow;
+
 /// The largest total of frequencies of one symbol.
 pub const MAX_TOTAL: u32 = 1 << 28;
 
@@ -218,7 +220,7 @@ impl Coder for Encoder {
 /// Reads symbols.
 #[derive(Clone, Debug)]
 pub struct Decoder<'a> {
-    bytes: &'a [u8],
+    bytes: Cow<'a, [u8]>,
     at: usize,
     code: u64,
     range: u64,
@@ -227,8 +229,8 @@ pub struct Decoder<'a> {
 
 impl<'a> Decoder<'a> {
     /// Read from `bytes`, which an [`Encoder`] has written.
-    pub fn new(bytes: &'a [u8]) -> Self {
-        let mut d = Decoder { bytes, at: 0, code: 0, range: u64::MAX, unit: 0 };
+    pub fn new(bytes: impl Into<Cow<'a, [u8]>>) -> Self {
+        let mut d = Decoder { bytes: bytes.into(), at: 0, code: 0, range: u64::MAX, unit: 0 };
         d.code = (d.word() as u64) << 32 | d.word() as u64;
         d
     }

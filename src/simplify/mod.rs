@@ -1,7 +1,14 @@
-//! From a level to the next coarser one: which edges go together.
+//! From the full level to the base: which edges go together, and what leads back.
 
+mod driver;
+mod error;
+mod history;
+mod replay;
 mod select;
 
+pub use driver::{SimplifyOptions, simplify};
+pub use history::{History, Stored, StoredTriangle};
+pub use replay::{Piece, ReplayError, Replayed, replay};
 pub use select::{SelectInput, SelectOptions, select};
 
 #[cfg(test)]
