@@ -15,7 +15,9 @@ fn main() {
             if (0..f.len()).all(|i| !f[..i].contains(&f[i])) {
                 faces.push(f);
             }
-            for &v in f { used[v as usize] = true; }
+            for &v in f {
+                used[v as usize] = true;
+            }
         }
         let inuse = used.iter().filter(|&&u| u).count();
         let n = positions.len();
@@ -31,13 +33,40 @@ fn main() {
         let r = replay(&h, n, &|_| {}).unwrap();
         let t2 = t.elapsed().as_secs_f64();
         let bytes: usize = r.pieces.iter().map(|p| p.payload.len()).sum();
-        if std::env::var("LEVELS").is_ok() { eprintln!("{:?}", r.levels.iter().map(|l| (l.0, l.3)).collect::<Vec<_>>()); }
+        if std::env::var("LEVELS").is_ok() {
+            eprintln!("{:?}", r.levels.iter().map(|l| (l.0, l.3)).collect::<Vec<_>>());
+        }
         let a = r.account;
         let v = inuse as f64;
-        let tenth = r.pieces.iter().scan(0usize, |s, p| { *s += p.payload.len(); Some((p.last, *s)) }).find(|&(l, _)| r.levels[l as usize].0 as usize * 10 >= n).map(|(_, b)| b as f64 * 8.0 / v).unwrap_or(0.0);
-        println!("{:30} {:7}v {:3} levels base {:5} pieces {:4} | conn {:.2} geo {:.2} pts {:.3} total {:.2} bpv | 10%: {:.2} | simplify {:.2}s ({:.2} {:.2} {:.2}) {:.0}k v/s replay {:.2}s weighed {:.1}/edge",
-            std::path::Path::new(&path).file_name().unwrap().to_string_lossy(), n, r.levels.len(), r.levels[0].0, r.pieces.len(),
-            a.splits.connectivity / v, a.splits.geometry / v, a.points / v, bytes as f64 * 8.0 / v, tenth, t1, h.seconds[0], h.seconds[1], h.seconds[2], n as f64 / t2 / 1e3, t2 - t1,
-            h.edges_weighed as f64 / (3.0 * v));
+        let tenth = r
+            .pieces
+            .iter()
+            .scan(0usize, |s, p| {
+                *s += p.payload.len();
+                Some((p.last, *s))
+            })
+            .find(|&(l, _)| r.levels[l as usize].0 as usize * 10 >= n)
+            .map(|(_, b)| b as f64 * 8.0 / v)
+            .unwrap_or(0.0);
+        println!(
+            "{:30} {:7}v {:3} levels base {:5} pieces {:4} | conn {:.2} geo {:.2} pts {:.3} total {:.2} bpv | 10%: {:.2} | simplify {:.2}s ({:.2} {:.2} {:.2}) {:.0}k v/s replay {:.2}s weighed {:.1}/edge",
+            std::path::Path::new(&path).file_name().unwrap().to_string_lossy(),
+            n,
+            r.levels.len(),
+            r.levels[0].0,
+            r.pieces.len(),
+            a.splits.connectivity / v,
+            a.splits.geometry / v,
+            a.points / v,
+            bytes as f64 * 8.0 / v,
+            tenth,
+            t1,
+            h.seconds[0],
+            h.seconds[1],
+            h.seconds[2],
+            n as f64 / t2 / 1e3,
+            t2 - t1,
+            h.edges_weighed as f64 / (3.0 * v)
+        );
     }
 }

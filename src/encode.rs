@@ -141,8 +141,7 @@ pub fn encode(
         progress(Progress { stage: Stage::Simplify, done: total - left, total });
     });
     let clock = Instant::now();
-    let replayed =
-        replay(&history, slots, &|done| progress(Progress { stage: Stage::Encode, done, total }))?;
+    let replayed = replay(&history, slots, &|done| progress(Progress { stage: Stage::Encode, done, total }))?;
 
     let mut chunks: Vec<Chunk> = replayed
         .pieces

@@ -13,7 +13,10 @@ use crate::complex::{Inserted, Side, Split};
 
 /// `2^(−i/64)`, of 32768.
 const EXP: [u32; 64] = [
-    32768,32415,32066,31720,31379,31041,30706,30376,30048,29725,29405,29088,28774,28464,28158,27855,27554,27258,26964,26674,26386,26102,25821,25543,25268,24995,24726,24460,24196,23936,23678,23423,23170,22921,22674,22430,22188,21949,21713,21479,21247,21019,20792,20568,20347,20127,19911,19696,19484,19274,19066,18861,18658,18457,18258,18061,17867,17674,17484,17296,17109,16925,16743,16562
+    32768, 32415, 32066, 31720, 31379, 31041, 30706, 30376, 30048, 29725, 29405, 29088, 28774, 28464, 28158, 27855,
+    27554, 27258, 26964, 26674, 26386, 26102, 25821, 25543, 25268, 24995, 24726, 24460, 24196, 23936, 23678, 23423,
+    23170, 22921, 22674, 22430, 22188, 21949, 21713, 21479, 21247, 21019, 20792, 20568, 20347, 20127, 19911, 19696,
+    19484, 19274, 19066, 18861, 18658, 18457, 18258, 18061, 17867, 17674, 17484, 17296, 17109, 16925, 16743, 16562,
 ];
 
 const VALENCES: usize = 12;
@@ -236,7 +239,8 @@ fn code_loci<C: Coder>(
     let scale = (1i64 << 32) / patch.mean;
     let shrink = |v: [i64; 3]| v.map(|c| ((c * scale) >> 16).clamp(-(1 << 20), 1 << 20) as i32);
     let locus = |at: u16, class: u8, v: [i32; 3], weights: &[i32], w_len: i32| {
-        let len = ((v[0] as i64 * v[0] as i64 + v[1] as i64 * v[1] as i64 + v[2] as i64 * v[2] as i64) as u64).isqrt() as i64;
+        let len =
+            ((v[0] as i64 * v[0] as i64 + v[1] as i64 * v[1] as i64 + v[2] as i64 * v[2] as i64) as u64).isqrt() as i64;
         let inverse = (1i64 << 24) / len.max(1);
         let len = (len as i32).min(1023);
         Locus {
@@ -340,7 +344,13 @@ fn code_loci<C: Coder>(
     let chosen = coder.choose(freqs, total, want);
 
     // Follow what was seen.
-    let rate = if m.seen < 256 { 5 } else if m.seen < 2048 { 6 } else { 7 };
+    let rate = if m.seen < 256 {
+        5
+    } else if m.seen < 2048 {
+        6
+    } else {
+        7
+    };
     m.seen = m.seen.saturating_add(1);
     let inverse = (1u64 << 40) / total as u64;
     let mut mass = [0i32; 2 * super::around::MAX_FAN + 4];
@@ -417,7 +427,11 @@ fn code_general<C: Coder>(
     attach.clear();
     attach.resize(around.ring.len(), (false, false, 0, 0));
     let find = |x: u32| {
-        if fan { around.ring.iter().position(|&r| r == x).unwrap_or(0) } else { around.ring.binary_search(&x).unwrap_or(0) }
+        if fan {
+            around.ring.iter().position(|&r| r == x).unwrap_or(0)
+        } else {
+            around.ring.binary_search(&x).unwrap_or(0)
+        }
     };
     for (i, s) in around.spokes.iter().enumerate() {
         let (next, prev) = (find(s.next), find(s.prev));
@@ -474,7 +488,8 @@ fn code_general<C: Coder>(
         if C::DECODING && n > 1 << 16 {
             return None;
         }
-        let reversed = if C::DECODING { 0 } else { split.triangles.iter().filter(|t| t.apex == x && t.reversed).count() as u32 };
+        let reversed =
+            if C::DECODING { 0 } else { split.triangles.iter().filter(|t| t.apex == x && t.reversed).count() as u32 };
         for j in 0..n {
             let r = coder.bit(&mut m.reversed[expected as usize], j >= n - reversed.min(n));
             trial.triangles.push(Inserted { apex: x, reversed: r });

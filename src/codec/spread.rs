@@ -146,7 +146,13 @@ pub fn code_delta<C: Coder>(
     let deviation = |v: i64| ((v.max(0) as u64).isqrt() as i64) << drop;
     let out = |coder: &mut C, m: &mut SpreadModels, k: usize, mu: i64, s: i64| {
         let s = s.max(MIN_SPREAD);
-        let class = if s < Q { 0 } else if s < 4 * Q { 1 } else { 2 };
+        let class = if s < Q {
+            0
+        } else if s < 4 * Q {
+            1
+        } else {
+            2
+        };
         m.density[k][class].code(coder, mu, s, delta[k])
     };
     let xx = sigma(0, 0).max(1);

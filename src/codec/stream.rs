@@ -94,7 +94,17 @@ pub fn code_segment<C: Coder, S: Source>(
     }
     let mut budget = task.more.1;
     let range = task.range.0..task.range.1;
-    code_splits(coder, &mut state.models, scratch, &task.view, range.clone(), source, batch, &mut budget, &mut account.splits)?;
+    code_splits(
+        coder,
+        &mut state.models,
+        scratch,
+        &task.view,
+        range.clone(),
+        source,
+        batch,
+        &mut budget,
+        &mut account.splits,
+    )?;
     if task.first {
         let start = coder.bits();
         let count = golomb(coder, &mut state.births.0, batch.births.len() as u32);

@@ -57,8 +57,7 @@ pub fn simplify(level: Level, options: &SimplifyOptions, progress: &(dyn Fn(u64)
         let level = &history.base;
         let n = level.positions.len();
         let clock = Instant::now();
-        let input =
-            WeighInput { faces: &level.faces, star: &star, positions: &exact, locked: locked.as_deref() };
+        let input = WeighInput { faces: &level.faces, star: &star, positions: &exact, locked: locked.as_deref() };
         weigher.weigh(input, carried.as_ref().map(|(old, dirty)| Carried { old_of_new: old, dirty }));
         let weighed = Instant::now();
         let chosen = select(

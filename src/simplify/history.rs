@@ -96,12 +96,8 @@ impl Stored {
         let down = placement.shift - fine.shift;
         if down > 0 {
             let mask = (1 << down) - 1;
-            s.low_bits = fine
-                .positions
-                .iter()
-                .zip(vertex_slot)
-                .map(|(p, &slot)| (slot, p.map(|c| (c & mask) as u16)))
-                .collect();
+            s.low_bits =
+                fine.positions.iter().zip(vertex_slot).map(|(p, &slot)| (slot, p.map(|c| (c & mask) as u16))).collect();
         }
         s
     }

@@ -192,12 +192,7 @@ pub fn replay(history: &History, slots: usize, progress: &(dyn Fn(u64) + Sync)) 
         progress(level.positions.len() as u64);
     }
     if let Some((coder, first, _)) = run {
-        out.pieces.push(Piece {
-            first,
-            last: history.batches.len() as u32,
-            segment: None,
-            payload: coder.finish(),
-        });
+        out.pieces.push(Piece { first, last: history.batches.len() as u32, segment: None, payload: coder.finish() });
     }
     out.number = vec![NONE; slots];
     for (v, &slot) in s.vertex.iter().enumerate() {
@@ -348,8 +343,7 @@ impl Source for Reader<'_> {
                     self.swap_of = self.swaps.clone();
                     self.swap_of.sort_unstable();
                 }
-                let swapped =
-                    self.swap_of.binary_search_by_key(&i, |s| s.0).is_ok_and(|k| self.swap_of[k].1);
+                let swapped = self.swap_of.binary_search_by_key(&i, |s| s.0).is_ok_and(|k| self.swap_of[k].1);
                 self.stored.pairs[i as usize][(child == 1) as usize ^ swapped as usize]
             }
         };
