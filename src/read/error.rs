@@ -140,7 +140,7 @@ pub enum ReadErrorKind {
         limit: u64,
     },
     /// More memory than allowed, or than there is.
-    #[error("reading it needs at least {needed} bytes of memory, {} ; raise the limit or cut the mesh into tiles", limit.map_or("more than there are".to_string(), |l| format!("the limit is {l}")))]
+    #[error("reading it needs at least {needed} bytes of memory, {}; raise the limit or cut the mesh into tiles", limit.map_or("more than there are".to_string(), |l| format!("the limit is {l}")))]
     Memory {
         /// Bytes needed so far.
         needed: u64,
