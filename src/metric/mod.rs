@@ -3,6 +3,7 @@
 //! Follows Caillaud et al. 2016, section 4.2, with the corrections stated in the modules. Encoder side only: floating
 //! point is used up to [`Fixed`], and every decision after it is made on integers.
 
+mod bound;
 mod edges;
 mod fixed;
 mod gather;
@@ -10,6 +11,7 @@ mod kernel;
 mod weigher;
 mod weight;
 
+pub use bound::{BoundScratch, hausdorff_bound};
 pub use edges::{EdgeList, neighbours};
 pub use fixed::{Fixed, Scale};
 pub use gather::Gatherer;

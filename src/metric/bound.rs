@@ -1,0 +1,401 @@
+//! A guaranteed upper bound of what one collapse does: the symmetric Hausdorff distance between the patch before and
+//! the patch after, for any place of the merged vertex. Levels state their error with it, so it must never be too
+//! small.
+//!
+//! The smallest of up to three bounds, each of which is one by itself:
+//! - **Motion.** Carry each point of a fan along with its corners: nothing goes farther than `a` or `b` does. True of every patch.
+//! - **Heights.** Where both patches are closed fans of triangles that project injectively onto one plane over the same ring, both are
+//!   piecewise linear heights over one domain, whose difference is largest at a vertex of the overlay of
+//!   both: `a`, `b`, `v`, or a crossing of an edge before with an edge after. Injective: the boundary of the two
+//!   patches is the same chain of edges, every triangle of both keeps its orientation, so over each point lie as many triangles as the
+//!   ring winds around it; and the ring winds around `v` once, so that is one or none.
+//! - **Bisection.** The distance to a triangle is a convex function, so over a triangle it is largest at a
+//!   corner: the farthest corner from the best single triangle of the other patch bounds it. Where that is not good enough
+//!   the triangle is cut in two, until the bound is within a quarter of a distance that is attained, or a budget is spent.
+//!   For borders, polygons, folds and everything not manifold.
+//!
+//! Polygons are the fans of triangles that `weight` describes. Arithmetic is `f64`, and what rounding can do is added.
+
+use super::weight::Patch;
+
+type V = [f64; 3];
+
+/// Points that bisection may measure in one direction.
+const BUDGET: usize = 64;
+/// Bisection stops where squared bound over squared attained distance is below this: a quarter more.
+const CLOSE: f64 = 1.5625;
+/// What rounding can do, relative to the size of the patch: far above the rounding of `f64`, and above that of the `f32`
+/// coordinates of the patch where they are not integers.
+const SLACK: f64 = 1.0 / (1 << 21) as f64;
+
+/// Memory that [`hausdorff_bound`] reuses from patch to patch.
+#[derive(Clone, Debug, Default)]
+pub struct BoundScratch {
+    ring: Vec<V>,
+    flat: Vec<V>,
+    before: Vec<[V; 3]>,
+    after: Vec<[V; 3]>,
+    chain: Vec<[i32; 2]>,
+    rows: Vec<f64>,
+    nodes: Vec<Node>,
+}
+
+/// A part of a triangle: its corners and where their distances stand.
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    corners: [V; 3],
+    rows: [usize; 3],
+}
+
+fn sub(a: V, b: V) -> V {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+fn dot(a: V, b: V) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross(a: V, b: V) -> V {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn norm(a: V) -> f64 {
+    dot(a, a).sqrt()
+}
+
+fn normal(t: &[V; 3]) -> V {
+    cross(sub(t[1], t[0]), sub(t[2], t[0]))
+}
+
+/// An upper bound, in lattice steps, of the symmetric Hausdorff distance between the patch as it is and with `a` and
+/// `b` merged at `v`, a point relative to the midpoint of the edge (so `[0.0; 3]` is the midpoint).
+///
+/// `enough` says when the caller does not care for a better one: the search ends as soon as the bound is not larger.
+/// The patch is taken at its coordinates; they are exact where positions were integers below 2^22.
+pub fn hausdorff_bound(patch: &Patch, v: V, enough: f64, scratch: &mut BoundScratch) -> f64 {
+    let b = patch.half.map(f64::from);
+    let a = b.map(|c| -c);
+    let motion = norm(sub(v, a)).max(norm(sub(v, b)));
+    scratch.ring.clear();
+    scratch.ring.extend(patch.ring.iter().map(|r| r.at.map(f64::from)));
+    let extent = scratch.ring.iter().chain([&a, &b, &v]).map(|&p| norm(p)).fold(0.0, f64::max);
+    let slack = extent * SLACK;
+    let mut best = motion + slack;
+    if best <= enough {
+        return best;
+    }
+    scratch.before.clear();
+    scratch.after.clear();
+    for t in &patch.triangles {
+        let (p, q) = (scratch.ring[t.p as usize], scratch.ring[t.q as usize]);
+        scratch.before.push([if t.at_b { b } else { a }, p, q]);
+        scratch.after.push([v, p, q]);
+    }
+    for &(x, reversed) in &patch.vanishing {
+        let x = scratch.ring[x as usize];
+        scratch.before.push(if reversed { [b, a, x] } else { [a, b, x] });
+        // What remains of it, should nothing else hold that edge.
+        scratch.after.push([v, x, x]);
+    }
+    if patch.vanishing.is_empty() {
+        // No triangle holds the edge: it is one of the dangling edges itself.
+        scratch.before.push([a, b, b]);
+    }
+    if scratch.after.is_empty() {
+        // A dangling edge alone: it shrinks to v.
+        return best;
+    }
+    if closed(patch, &mut scratch.chain)
+        && let Some(height) = heights(patch, [a, b, v], scratch)
+    {
+        return best.min(height + slack);
+    }
+    let floor = if enough > slack { (enough - slack) * (enough - slack) } else { 0.0 };
+    let ceiling = motion * motion;
+    let BoundScratch { before, after, rows, nodes, .. } = scratch;
+    let Some(there) = bisect(before, after, floor, 0.0, ceiling, rows, nodes) else { return best };
+    let Some(back) = bisect(after, before, floor, there.1, ceiling, rows, nodes) else { return best };
+    let bisected = there.0.max(back.0).sqrt() + slack;
+    if bisected < best {
+        best = bisected;
+    }
+    best
+}
+
+/// Whether the patch is closed fans of triangles: every edge at `a` and `b` is run once each way, as often as needed.
+fn closed(patch: &Patch, chain: &mut Vec<[i32; 2]>) -> bool {
+    if patch.polygons {
+        return false;
+    }
+    chain.clear();
+    chain.resize(patch.ring.len(), [0; 2]);
+    let mut ab = 0;
+    for t in &patch.triangles {
+        if t.p == t.q {
+            return false;
+        }
+        chain[t.p as usize][t.at_b as usize] += 1;
+        chain[t.q as usize][t.at_b as usize] -= 1;
+    }
+    for &(x, reversed) in &patch.vanishing {
+        let sign = if reversed { -1 } else { 1 };
+        // (a, b, x) runs a → b, b → x, x → a.
+        ab += sign;
+        chain[x as usize][0] -= sign;
+        chain[x as usize][1] += sign;
+    }
+    ab == 0 && chain.iter().all(|&c| c == [0, 0])
+}
+
+/// The largest difference of heights of closed fans that project injectively along their mean normal; `None` where they
+/// do not, or too steeply to be sure.
+fn heights(patch: &Patch, [a, b, v]: [V; 3], scratch: &mut BoundScratch) -> Option<f64> {
+    let survivors = patch.triangles.len();
+    let mut n = [0.0; 3];
+    for t in &scratch.before {
+        let m = normal(t);
+        n = [n[0] + m[0], n[1] + m[1], n[2] + m[2]];
+    }
+    let length = norm(n);
+    if !(length > 0.0 && length.is_finite()) {
+        return None;
+    }
+    let n = n.map(|c| c / length);
+    let faces_up = |t: &[V; 3]| {
+        let m = normal(t);
+        let up = dot(m, n);
+        let longest = norm(sub(t[1], t[0])).max(norm(sub(t[2], t[0]))).max(norm(sub(t[2], t[1])));
+        // Neither steeper than 1 in 1000 nor so thin that rounding could turn it.
+        up > 1e-3 * norm(m) && up > 1e-6 * longest * longest
+    };
+    if !scratch.before.iter().chain(&scratch.after[..survivors]).all(faces_up) {
+        return None;
+    }
+    let sign = if n[2] < 0.0 { -1.0 } else { 1.0 };
+    let i = -1.0 / (sign + n[2]);
+    let k = n[0] * n[1] * i;
+    let x = [1.0 + sign * n[0] * n[0] * i, sign * k, -sign * n[0]];
+    let y = [k, sign + n[1] * n[1] * i, -n[1]];
+    // Everything relative to v.
+    let flat = |p: V| {
+        let p = sub(p, v);
+        [dot(p, x), dot(p, y), dot(p, n)]
+    };
+    scratch.flat.clear();
+    scratch.flat.extend(scratch.ring.iter().map(|&p| flat(p)));
+    let (a, b) = (flat(a), flat(b));
+    let ring = &scratch.flat;
+
+    // All ring edges run around v the same way; once around if they leave the lower half plane once.
+    let leaves = |t: &&super::weight::PatchTriangle| ring[t.p as usize][1] < 0.0 && ring[t.q as usize][1] >= 0.0;
+    if patch.triangles.iter().filter(leaves).count() != 1 {
+        return None;
+    }
+
+    let mut worst = 0.0f64;
+    let apex = |at_b: bool| if at_b { b } else { a };
+    for end in [a, b] {
+        let over = patch.triangles.iter().filter_map(|t| height([0.0; 3], ring[t.p as usize], ring[t.q as usize], end));
+        worst = worst.max(largest(over)?);
+    }
+    let under =
+        patch.triangles.iter().filter_map(|t| height(apex(t.at_b), ring[t.p as usize], ring[t.q as usize], [0.0; 3]));
+    let vanishing = patch.vanishing.iter().filter_map(|&(x, reversed)| {
+        let (c, d) = if reversed { (b, a) } else { (a, b) };
+        height(c, d, ring[x as usize], [0.0; 3])
+    });
+    worst = worst.max(largest(under.chain(vanishing))?);
+
+    let mut crossing = |c: V, d: V, y: V| {
+        let det = y[0] * d[1] - y[1] * d[0];
+        let size = (y[0] * y[0] + y[1] * y[1]) * (d[0] * d[0] + d[1] * d[1]);
+        // Parallel edges meet, if at all, at ends, and those are measured.
+        if det * det <= 1e-22 * size {
+            return;
+        }
+        let t = (c[0] * y[1] - c[1] * y[0]) / det;
+        let s = (c[0] * d[1] - c[1] * d[0]) / det;
+        let inside = |t: f64| (-1e-9..=1.0 + 1e-9).contains(&t);
+        if inside(t) && inside(s) {
+            worst = worst.max((c[2] + t * d[2] - s * y[2]).abs());
+        }
+    };
+    for (r, &y) in patch.ring.iter().zip(ring) {
+        if !(r.spoke_a || r.spoke_b) {
+            continue;
+        }
+        crossing(a, sub(b, a), y);
+        for (other, &x) in patch.ring.iter().zip(ring) {
+            if other.spoke_a {
+                crossing(a, sub(x, a), y);
+            }
+            if other.spoke_b {
+                crossing(b, sub(x, b), y);
+            }
+        }
+    }
+    Some(worst)
+}
+
+/// The largest of some heights; `None` if there is none.
+fn largest(heights: impl Iterator<Item = f64>) -> Option<f64> {
+    heights.fold(None, |best: Option<f64>, h| Some(best.map_or(h, |b| b.max(h))))
+}
+
+/// How far `x` is above or below the triangle, if the triangle is over or under it, edges included with some room.
+fn height(c: V, p: V, q: V, x: V) -> Option<f64> {
+    let (e0, e1, w) = (sub(p, c), sub(q, c), sub(x, c));
+    let area = e0[0] * e1[1] - e0[1] * e1[0];
+    if area <= 0.0 {
+        return None;
+    }
+    let s = (w[0] * e1[1] - w[1] * e1[0]) / area;
+    let t = (e0[0] * w[1] - e0[1] * w[0]) / area;
+    let room = -1e-9;
+    (s >= room && t >= room && s + t <= 1.0 - room).then(|| (w[2] - s * e0[2] - t * e1[2]).abs())
+}
+
+/// Squared upper bound of the distance from `from` to `to`, and the largest squared distance that was found to be attained.
+/// `floor` is a squared distance that is good enough, `attained` one known already. `None` where the distance attained
+/// comes close to `ceiling`, a squared bound known already.
+#[allow(clippy::too_many_arguments)] // called from one place
+fn bisect(
+    from: &[[V; 3]],
+    to: &[[V; 3]],
+    floor: f64,
+    attained: f64,
+    ceiling: f64,
+    rows: &mut Vec<f64>,
+    nodes: &mut Vec<Node>,
+) -> Option<(f64, f64)> {
+    let m = to.len();
+    let mut known = attained;
+    let measure = |rows: &mut Vec<f64>, known: &mut f64, x: V| {
+        let row = rows.len();
+        rows.extend(to.iter().map(|t| distance2(x, t)));
+        let nearest = rows[row..].iter().copied().fold(f64::INFINITY, f64::min);
+        *known = known.max(nearest);
+        row
+    };
+    rows.clear();
+    nodes.clear();
+    for t in from {
+        let mut node = Node { corners: *t, rows: [0; 3] };
+        for i in 0..3 {
+            node.rows[i] = measure(rows, &mut known, t[i]);
+        }
+        nodes.push(node);
+    }
+    let limit = rows.len() + BUDGET * m;
+    let mut bound = 0.0f64;
+    while let Some(node) = nodes.pop() {
+        if known * CLOSE >= ceiling {
+            return None;
+        }
+        let [r0, r1, r2] = node.rows;
+        let farthest = |j: usize| rows[r0 + j].max(rows[r1 + j]).max(rows[r2 + j]);
+        let best = (0..m).map(farthest).fold(f64::INFINITY, f64::min);
+        if best <= bound.max(floor).max(known * CLOSE) || rows.len() >= limit {
+            bound = bound.max(best);
+            continue;
+        }
+        // Cut the longest edge.
+        let length = |i: usize| {
+            let e = sub(node.corners[i], node.corners[(i + 1) % 3]);
+            dot(e, e)
+        };
+        let i = if length(0) >= length(1) && length(0) >= length(2) {
+            0
+        } else if length(1) >= length(2) {
+            1
+        } else {
+            2
+        };
+        let (p, q) = (node.corners[i], node.corners[(i + 1) % 3]);
+        let middle = [0.5 * (p[0] + q[0]), 0.5 * (p[1] + q[1]), 0.5 * (p[2] + q[2])];
+        let row = measure(rows, &mut known, middle);
+        for end in [i, (i + 1) % 3] {
+            let mut half = node;
+            half.corners[end] = middle;
+            half.rows[end] = row;
+            nodes.push(half);
+        }
+    }
+    Some((bound, known))
+}
+
+/// Squared distance of a point to a triangle, which may be a segment or a point.
+fn distance2(x: V, t: &[V; 3]) -> f64 {
+    let segment = |c: V, d: V| {
+        let (w, e) = (sub(x, c), sub(d, c));
+        let ee = dot(e, e);
+        let u = if ee > 0.0 { (dot(w, e) / ee).clamp(0.0, 1.0) } else { 0.0 };
+        let r = [w[0] - u * e[0], w[1] - u * e[1], w[2] - u * e[2]];
+        dot(r, r)
+    };
+    let (e0, e1, w) = (sub(t[1], t[0]), sub(t[2], t[0]), sub(x, t[0]));
+    let n = cross(e0, e1);
+    let nn = dot(n, n);
+    if nn > 1e-16 * dot(e0, e0) * dot(e1, e1) {
+        let (s, r) = (dot(cross(w, e1), n), dot(cross(e0, w), n));
+        if s >= 0.0 && r >= 0.0 && s + r <= nn {
+            let h = dot(w, n);
+            return h * h / nn;
+        }
+    }
+    segment(t[0], t[1]).min(segment(t[1], t[2])).min(segment(t[2], t[0]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::complex::Star;
+    use crate::metric::tests::{level_of, sampled, small_meshes};
+    use crate::metric::{Class, EdgeList, Gatherer};
+
+    #[test]
+    fn no_sample_is_farther_than_the_bound_and_the_bound_is_not_silly() {
+        let mut random = crate::generate::Random::new(11);
+        let (mut ratios, mut flat_ratios, mut scratch) = (Vec::new(), Vec::new(), BoundScratch::default());
+        for (name, mesh) in small_meshes() {
+            let (level, _) = level_of(&mesh, 100.0);
+            let positions: Vec<[f32; 3]> = level.positions.iter().map(|p| p.map(|c| c as f32)).collect();
+            let star = Star::build(positions.len(), &level.faces);
+            let edges = EdgeList::build(&level.faces, &star);
+            let (mut gatherer, mut patch) = (Gatherer::new(), Patch::default());
+            for e in 0..edges.len() as u32 {
+                let (a, b) = edges.ends(e);
+                gatherer.read(&level.faces, &star, &positions, a, b, &mut patch);
+                if patch.class == Class::Illegal || e % if name == "soup" { 15 } else { 3 } > 0 {
+                    continue;
+                }
+                // At the midpoint, and anywhere near.
+                let size = f64::from(patch.half.map(f32::abs).into_iter().fold(0.0, f32::max));
+                for v in [[0.0; 3], random.point().map(|c| 0.4 * size * c)] {
+                    let bound = hausdorff_bound(&patch, v, -1.0, &mut scratch);
+                    if scratch.after.is_empty() {
+                        continue;
+                    }
+                    let n = 8;
+                    let (before, after) = (&scratch.before, &scratch.after);
+                    let found = sampled(before, after, n).max(sampled(after, before, n));
+                    assert!(found <= bound + 1e-9, "{name} {a} {b} to {v:?}: {found} above the bound {bound}");
+                    if found > 0.01 * size {
+                        ratios.push(bound / found);
+                        if name == "sphere" || name == "asteroid" {
+                            flat_ratios.push(bound / found);
+                        }
+                    }
+                    let rough = hausdorff_bound(&patch, v, 2.0 * bound, &mut scratch);
+                    assert!(rough >= found && rough <= (2.0 * bound).max(bound), "{name}: {rough} for {bound}");
+                }
+            }
+        }
+        for (what, ratios) in [("all", &mut ratios), ("noisy surfaces", &mut flat_ratios)] {
+            ratios.sort_by(f64::total_cmp);
+            let quantile = |q: usize| ratios[(ratios.len() - 1) * q / 100];
+            let (half, most) = (quantile(50), quantile(95));
+            assert!(ratios.len() > 300 && half < 1.5 && most < 2.5, "{what}: median {half}, 95 % {most}");
+        }
+    }
+}
