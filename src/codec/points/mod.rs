@@ -5,14 +5,13 @@
 //! * up to [`SMALL`] points by halving the box: how many of the points lie in the lower half is binomially distributed, and
 //!   nothing is learned (Gandoin and Devillers 2002 with an exact prior), so that a handful of points costs what its
 //!   entropy is;
-//! * more of them by an octree, plane of bits by plane of bits, whose decisions are mixed from contexts of the neighbouring
-//!   cells (`tree`).
+//! * more of them by an octree, plane of bits by plane of bits, whose decisions are mixed from contexts of
+//!   the cells around (`tree`).
 //!
 //! Invariants: a decoder yields exactly the number of points asked for, each inside the box, whatever the bytes are; it
 //! allocates in proportion to that number, and needs no recursion.
 
 mod halving;
-mod mix;
 mod tree;
 
 use super::range::Coder;
@@ -34,7 +33,7 @@ pub fn canonical_order(points: &[[i32; 3]]) -> Vec<u32> {
 ///
 /// An encoder reads `points`, which holds `count` points in any order, each coordinate within ±[`POINT_LIMIT`], and leaves
 /// them in canonical order. A decoder replaces what is in `points`. The count itself is not coded: the caller has it, and
-/// has checked it against what it is ready to allocate (about 100 bytes a point while coding).
+/// has checked it against what it is ready to allocate (about 200 bytes a point while coding).
 pub fn code_points<C: Coder>(coder: &mut C, points: &mut Vec<[i32; 3]>, count: usize) {
     if count == 0 {
         points.clear();

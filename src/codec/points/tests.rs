@@ -124,3 +124,22 @@ fn a_dense_plane_costs_little() {
     let bits = round_trip(&points) as f64 * 8.0 / points.len() as f64;
     assert!(bits < 0.5, "{bits} bits a point");
 }
+
+#[test]
+fn a_tilted_plane_of_sparse_points_is_seen() {
+    let mut state = 7;
+    let mut at = || (noise(&mut state) >> 19 & 4095) as i32;
+    let points: Vec<_> = (0..4000).map(|_| [at(), at()]).map(|[x, y]| [x, y, (3 * x + 5 * y) / 8]).collect();
+    let bits = round_trip(&points) as f64 * 8.0 / points.len() as f64;
+    // Two free coordinates, less what the order of 4000 points is worth, plus the height.
+    assert!(bits < 24.0 - 10.5 + 3.5, "{bits} bits a point");
+}
+
+#[test]
+fn a_lattice_is_seen() {
+    let mut state = 7;
+    let mut at = || (noise(&mut state) >> 24 & 127) as i32 * 31 + 5;
+    let points: Vec<_> = (0..4000).map(|_| [at(), at(), at()]).collect();
+    let bits = round_trip(&points) as f64 * 8.0 / points.len() as f64;
+    assert!(bits < 21.0 - 10.5 + 4.0, "{bits} bits a point");
+}

@@ -8,7 +8,7 @@
 use crate::codec::range::Coder;
 
 /// Number of predictions that are mixed.
-pub(super) const INPUTS: usize = 6;
+pub(super) const INPUTS: usize = 8;
 
 /// `65536 / (1 + exp(-x / 256))` for x = -2048, -1920, … 2048.
 const SQUASH: [i32; 33] = [
@@ -45,7 +45,7 @@ const STRETCH: [i16; 4096] = {
     t
 };
 
-/// Learning rates `65536 / (n + 1.6)` by number of decisions seen.
+/// Learning rates `65536 / (n + 1.9)` by number of decisions seen.
 const RATES: [u16; 256] = {
     let mut t = [0u16; 256];
     let mut n = 0;
@@ -57,7 +57,7 @@ const RATES: [u16; 256] = {
 };
 
 /// Decisions after which a slot's average becomes a sliding window.
-const WINDOW: u32 = 200;
+const WINDOW: u32 = 80;
 
 /// A probability of 22 bits above a counter of 10 bits.
 #[derive(Clone, Copy, Debug)]
@@ -85,6 +85,9 @@ impl Slot {
     }
 }
 
+/// The most decisions that count of those before a refresh.
+const FRESH: u32 = 30;
+
 /// One set of weights, of 65536.
 #[derive(Clone, Copy, Debug)]
 struct Weights {
@@ -102,8 +105,20 @@ pub(super) struct Mixer {
 impl Mixer {
     /// Tables of the given sizes and `sets` sets of weights.
     pub(super) fn new(sizes: [usize; INPUTS], sets: usize) -> Self {
-        let w = [65536 * 2 / 5; INPUTS];
+        let w = [65536 * 3 / 10; INPUTS];
         Mixer { tables: sizes.map(|n| vec![Slot::default(); n]), weights: vec![Weights { w, seen: 0 }; sets] }
+    }
+
+    /// Whether a context of table `k` has seen more than a few decisions.
+    pub(super) fn told(&self, k: usize, context: usize) -> bool {
+        self.tables[k][context].0 & 1023 > 2
+    }
+
+    /// Let all slots learn fast again, as what comes next differs from what was.
+    pub(super) fn refresh(&mut self) {
+        for slot in self.tables.iter_mut().flatten() {
+            slot.0 = slot.0 & !1023 | (slot.0 & 1023).min(FRESH);
+        }
     }
 
     /// Code one decision under `contexts` (one per table) with the weights `set`.
@@ -118,7 +133,7 @@ impl Mixer {
         let p = squash((dot >> 16).clamp(-2047, 2047) as i32);
         let bit = coder.choose(&[p as u32, 65536 - p as u32], 65536, !bit as usize) == 0;
         let error = if bit { 65536 - p } else { -p } as i64;
-        let rate = if weights.seen < 256 { 20 - (weights.seen >> 4) as i64 } else { 5 };
+        let rate = if weights.seen < 256 { 30 - (weights.seen >> 4) as i64 } else { 22 };
         weights.seen = weights.seen.saturating_add(1);
         for (w, &x) in weights.w.iter_mut().zip(&x) {
             *w = (*w as i64 + ((x as i64 * error * rate + (1 << 19)) >> 20)).clamp(-(1 << 20), 1 << 20) as i32;

@@ -4,12 +4,18 @@
 //! halves along y, the quarters along z; each split says whether both sides hold points or which one does, and how many
 //! lie in the lower one. What predicts a split are the 26 cells around, found by nine pointers that move along the list
 //! once: of those before the cell the eight children are known already, of those behind it only that they hold points.
-//! Both are gathered in masks of 4×4×4 subcells: the cell's own 2×2×2 and a rim of one around them.
+//! Both are gathered in masks of 4×4×4 subcells: the cell's own 2×2×2 and a rim of one around them. Where they are empty,
+//! a plane through the nearest cells, however far (`links`), and what points of the same absolute coordinate did so far:
+//! scans and distance fields are full of lattices. All predictions are mixed (`mix`).
 //!
 //! The children are put in lexicographic order by walking each slab and row twice, so that no plane needs sorting, and
 //! the last plane's cells are the points in canonical order.
 
-use super::mix::Mixer;
+mod links;
+mod mix;
+
+use self::links::{Fit, LINKS, NONE};
+use self::mix::Mixer;
 use crate::codec::range::Coder;
 
 /// An occupied cell of the current plane.
@@ -130,11 +136,16 @@ struct Around {
     cells: u32,
 }
 
+/// The table whose contexts are absolute coordinates.
+const ABSOLUTE: usize = 7;
+
 /// The adaptive models.
 struct Models {
     side: Mixer,
     both: Mixer,
     share: Mixer,
+    /// Slots for absolute coordinates, less one.
+    mask: usize,
 }
 
 /// Code `count` points of a box with the given side lengths (each ≥ 1, at most 2^26 + 1); `points` come out in
@@ -142,17 +153,22 @@ struct Models {
 pub(super) fn code<C: Coder>(coder: &mut C, size: [u32; 3], points: &mut Vec<[u32; 3]>, count: usize) {
     let depth: [u32; 3] = size.map(|s| 32 - (s - 1).leading_zeros());
     let planes = depth.into_iter().max().unwrap_or(0);
-    let mut models = Models::new();
+    let mut models = Models::new(count);
     let mut cells = vec![Cell { at: [0; 3], count: count as u32, start: 0, first: 0, mask: 0 }];
     let mut next = Vec::new();
     let mut children: Vec<u32> = Vec::new();
+    let mut place: Vec<u32> = Vec::new();
+    let (mut links, mut finer) = (vec![[NONE; LINKS]], Vec::new());
     for plane in (0..planes).rev() {
         children.clear();
+        models.side.refresh();
+        models.both.refresh();
         // The last cell of each axis, in cells of the finer plane.
         let last = size.map(|s| (s - 1) >> plane);
         let mut rows = [0usize; 9];
         for i in 0..cells.len() {
             let around = look_around(&cells, &mut rows, i);
+            let fit = Fit::new(&cells, &links[i], i);
             let cell = cells[i];
             let mut counts = [0u32; 8];
             if !C::DECODING {
@@ -166,7 +182,7 @@ pub(super) fn code<C: Coder>(coder: &mut C, size: [u32; 3], points: &mut Vec<[u3
                 }
             }
             cells[i].first = children.len() as u32;
-            split_cell(coder, &mut models, &cell, &around, plane, last, &mut counts);
+            split_cell(coder, &mut models, &cell, &around, &fit, plane, last, &mut counts);
             for (child, &n) in counts.iter().enumerate() {
                 if n > 0 {
                     children.push(n);
@@ -174,8 +190,10 @@ pub(super) fn code<C: Coder>(coder: &mut C, size: [u32; 3], points: &mut Vec<[u3
                 }
             }
         }
-        descend(&cells, &children, &mut next);
+        descend(&cells, &children, &mut next, &mut place);
+        links::descend(&cells, &links, &place, &next, &mut finer);
         std::mem::swap(&mut cells, &mut next);
+        std::mem::swap(&mut links, &mut finer);
     }
     points.clear();
     for cell in &cells {
@@ -183,9 +201,11 @@ pub(super) fn code<C: Coder>(coder: &mut C, size: [u32; 3], points: &mut Vec<[u3
     }
 }
 
-/// The children of `cells` in lexicographic order.
-fn descend(cells: &[Cell], children: &[u32], next: &mut Vec<Cell>) {
+/// The children of `cells` in lexicographic order; `place` gets the number of each child, parallel to `children`.
+fn descend(cells: &[Cell], children: &[u32], next: &mut Vec<Cell>, place: &mut Vec<u32>) {
     next.clear();
+    place.clear();
+    place.resize(children.len(), 0);
     next.reserve(children.len());
     for slab in cells.chunk_by(|a, b| a.at[0] == b.at[0]) {
         for cx in 0..2u32 {
@@ -207,6 +227,7 @@ fn descend(cells: &[Cell], children: &[u32], next: &mut Vec<Cell>) {
                             if cell.mask >> (pair + cz) & 1 == 1 {
                                 let count = children[index as usize];
                                 let at = [2 * cell.at[0] + cx, 2 * cell.at[1] + cy, 2 * cell.at[2] + cz];
+                                place[index as usize] = next.len() as u32;
                                 next.push(Cell { at, count, start, first: 0, mask: 0 });
                                 start = start.wrapping_add(count);
                                 index += 1;
@@ -256,11 +277,13 @@ fn look_around(cells: &[Cell], rows: &mut [usize; 9], i: usize) -> Around {
 }
 
 /// Code the numbers of points of the eight children.
+#[allow(clippy::too_many_arguments)]
 fn split_cell<C: Coder>(
     coder: &mut C,
     models: &mut Models,
     cell: &Cell,
     around: &Around,
+    fit: &Fit,
     plane: u32,
     last: [u32; 3],
     counts: &mut [u32; 8],
@@ -280,7 +303,7 @@ fn split_cell<C: Coder>(
             _ => (2 * (s - 3), 1),
         };
         let low = counts[first..first + width].iter().sum();
-        let low = if fits[split.axis] { models.code(coder, s, split, n, low, around, plane) } else { n };
+        let low = if fits[split.axis] { models.code(coder, s, split, n, low, around, fit, plane, cell.at) } else { n };
         if s < 3 {
             part[2 * s + 1] = low;
             part[2 * s + 2] = n - low;
@@ -292,11 +315,16 @@ fn split_cell<C: Coder>(
 }
 
 impl Models {
-    fn new() -> Self {
+    fn new(count: usize) -> Self {
+        let mask = (4 * count).next_power_of_two().clamp(64, 1 << 16) - 1;
         Models {
-            side: Mixer::new([6 * 6 * 3 * 3 * 3, 8 * 8 * 9 * 3, 7 * 64, 27 * 7, 1, 1], 3 * 8),
-            both: Mixer::new([8 * 6 * 6 * 9, 8 * 16 * 16, 32 * 27, 7 * 64, 1, 1], 8),
-            share: Mixer::new([8 * 64, 16 * 16, 1, 1, 1, 1], 1),
+            mask,
+            side: Mixer::new(
+                [6 * 6 * 3 * 3 * 3, 8 * 8 * 9 * 3, 7 * 64, 27 * 7, 1 + 21 * 14 * 3, 1 + 63 * 16, 75, 2 * (mask + 1)],
+                3 * 8 * 2,
+            ),
+            both: Mixer::new([8 * 6 * 6 * 9, 8 * 16 * 16, 32 * 27, 7 * 64, 1 + 11 * 14 * 8, 1, 1, mask + 1], 8),
+            share: Mixer::new([8 * 64, 16 * 16, 1, 1, 1, 1, 1, 1], 1),
         }
     }
 
@@ -310,7 +338,9 @@ impl Models {
         n: u32,
         low: u32,
         around: &Around,
+        fit: &Fit,
         plane: u32,
+        cell_at: [u32; 3],
     ) -> u32 {
         let count = |mask: u64| mask.count_ones() as usize;
         let known_faces = split.faces.map(|m| count(m & around.known));
@@ -323,6 +353,13 @@ impl Models {
             .enumerate()
             .map(|(k, bit)| (around.cells as usize >> bit & 1) << k)
             .sum();
+        let own: [i64; 3] = match s {
+            0 => [0; 3],
+            1 | 2 => [8 * (s as i64 - 1) - 4, 0, 0],
+            _ => [8 * ((s as i64 - 3) / 2) - 4, 8 * ((s as i64 - 3) % 2) - 4, 0],
+        };
+        let expected = fit.expect(axis, own);
+        let absolute = hash(&[axis as u32, plane, cell_at[axis]]) as usize & self.mask;
         if n > 1 {
             let class = size_class(n);
             let (a, b) = (known_faces[0].min(5), known_faces[1].min(5));
@@ -333,8 +370,12 @@ impl Models {
                 (class * 16 + count(around.known).min(31) / 2) * 16 + (around.cells.count_ones() as usize).min(15),
                 (n.min(31) as usize) * 27 + plane as usize,
                 s * 64 + faces6,
+                expected.map_or(0, |(e, v)| {
+                    1 + (links::place_class(e).abs_diff(10) * 14 + links::spread_class(v)) * 8 + class
+                }),
                 0,
                 0,
+                absolute,
             ];
             let both = self.both.code(coder, contexts, class, low != 0 && low != n);
             if both {
@@ -345,6 +386,14 @@ impl Models {
         let rank = |k: usize| (known_faces[k], open_faces[k], known[k], open[k]);
         let flip = (rank(1) > rank(0)) as usize;
         let (f, g) = (flip, 1 - flip);
+        let (mut plane_context, mut ratio_context) = (0, 0);
+        if let Some((expected, variance)) = expected {
+            let expected = if flip == 1 { -expected } else { expected };
+            plane_context = 1 + (links::place_class(expected) * 14 + links::spread_class(variance)) * 3 + axis;
+            // Of the normal distribution's argument at the middle, 8 steps to a standard deviation.
+            let ratio = (expected * 8 / (variance + 4).isqrt()).clamp(-31, 31) + 31;
+            ratio_context = 1 + (ratio as usize * 4 + known_faces[f].min(3)) * 4 + known_faces[g].min(3);
+        }
         let contexts = [
             ((((known_faces[f].min(5) * 6) + known_faces[g].min(5)) * 3 + open_faces[f].div_ceil(4).min(2)) * 3
                 + open_faces[g].div_ceil(4).min(2))
@@ -357,10 +406,13 @@ impl Models {
                 + axis,
             s * 64 + if flip == 1 { faces6.reverse_bits() >> 58 & 63 } else { faces6 },
             plane as usize * 7 + s,
-            0,
-            0,
+            plane_context,
+            ratio_context,
+            (fit.votes[axis][f].min(4) * 5 + fit.votes[axis][g].min(4)) * 3 + axis,
+            absolute * 2 + f,
         ];
-        let set = axis * 8 + (around.cells.count_ones() as usize).min(7);
+        let told = self.side.told(ABSOLUTE, contexts[ABSOLUTE]) as usize;
+        let set = (axis * 8 + (around.cells.count_ones() as usize).min(7)) * 2 + told;
         let lower = self.side.code(coder, contexts, set, (low != 0) ^ (flip == 1)) ^ (flip == 1);
         if lower { n } else { 0 }
     }
@@ -374,7 +426,7 @@ impl Models {
             let mid = lo + (hi - lo) / 2;
             let high = if node < 64 {
                 let exact = if m < 16 { m as usize * 16 + node.min(15) } else { 0 };
-                self.share.code(coder, [class * 64 + node, exact, 0, 0, 0, 0], 0, value > mid)
+                self.share.code(coder, [class * 64 + node, exact, 0, 0, 0, 0, 0, 0], 0, value > mid)
             } else {
                 coder.uniform(2, (value > mid) as u32) == 1
             };
@@ -399,4 +451,9 @@ fn size_class(n: u32) -> usize {
         21..=60 => 6,
         _ => 7,
     }
+}
+
+/// A hash of a few numbers.
+fn hash(values: &[u32]) -> u32 {
+    values.iter().fold(0u32, |h, &v| (h ^ v).wrapping_mul(0x9e37_79b1).rotate_left(15)).wrapping_mul(0x85eb_ca6b) >> 12
 }
