@@ -1,1 +1,131 @@
-fn main() {}
+//! The command line: one file per command, what they share in `shared`, `output`, `progress` and `stream`.
+//!
+//! Standard output carries results only (with `--json` exactly one object); progress, warnings and errors go to standard
+//! error. Exit codes: 0 done, 1 a file could not be read, decoded or written, 2 wrong usage, 3 `verify` found a difference.
+#![forbid(unsafe_code)]
+
+mod decode;
+mod demo;
+mod encode;
+mod info;
+mod output;
+mod progress;
+mod shared;
+mod stream;
+mod verify;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Any polygon mesh into one progressive .lods file, and back exactly.
+#[derive(Parser)]
+#[command(name = "lodestream", version, about, long_about = None, after_help = HELP, propagate_version = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+const HELP: &str = "\
+Examples:
+  lodestream encode scan.ply -o scan.lods
+  lodestream decode scan.lods -o preview.glb --max-vertices 10000
+  lodestream verify scan.lods --against scan.ply
+  lodestream demo
+
+Exit codes: 0 done; 1 a file could not be read, decoded or written; 2 wrong usage; 3 verify found a difference.";
+
+#[derive(Subcommand)]
+enum Command {
+    /// Turn a mesh (OBJ, PLY, STL, OFF, glTF, GLB, each also .gz) into a .lods file
+    Encode(encode::Args),
+    /// Write a level of a .lods file as OBJ, PLY, STL or GLB
+    Decode(decode::Args),
+    /// Say what a .lods file holds: header, levels, chunks
+    Info(info::Args),
+    /// Check all checksums, decode in full, and compare with the source
+    Verify(verify::Args),
+    /// Make a mesh, encode it, decode several levels, show pictures of them
+    Demo(demo::Args),
+}
+
+/// How a command ended without an error.
+enum Outcome {
+    /// All is well.
+    Done,
+    /// `verify` found a difference and has said so.
+    Different,
+}
+
+fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) if error.use_stderr() => {
+            shared::complain(&usage_line(&error.to_string()));
+            return ExitCode::from(2);
+        }
+        Err(help) => help.exit(),
+    };
+    let result = match &cli.command {
+        Command::Encode(args) => encode::run(args),
+        Command::Decode(args) => decode::run(args),
+        Command::Info(args) => info::run(args),
+        Command::Verify(args) => verify::run(args),
+        Command::Demo(args) => demo::run(args),
+    };
+    match result {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::Different) => ExitCode::from(3),
+        // The reader of our output has gone (`lodestream info … | head`): nothing to complain about.
+        Err(error) if shared::is_broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) => {
+            shared::complain(&format!("{error:#}"));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// What clap has to say, on one line: its first paragraph.
+fn usage_line(text: &str) -> String {
+    let first: Vec<&str> = text.lines().take_while(|l| !l.trim().is_empty()).map(str::trim).collect();
+    let first = first.join(" ");
+    format!("{}; see lodestream --help", first.strip_prefix("error: ").unwrap_or(&first))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn usage_errors_take_one_line() {
+        let line = |args: &[&str]| {
+            let Err(error) = Cli::try_parse_from([&["lodestream"], args].concat()) else { panic!("{args:?} parses") };
+            usage_line(&error.to_string())
+        };
+        assert_eq!(
+            line(&["encode", "a.obj"]),
+            "the following required arguments were not provided: --output <OUT.lods>; see lodestream --help"
+        );
+        for bad in [
+            &["encode", "a.obj", "-o", "b", "--position-bits", "22"][..],
+            &["encode", "a.obj", "-o", "b", "--position-bits", "12", "--position-step", "1"],
+            &["encode", "a.obj", "-o", "b", "--origin", "0,0,0"],
+            &["encode", "a.obj", "-o", "b", "--position-step", "0"],
+            &["encode", "a.obj", "-o", "b", "--weld", "--no-weld"],
+            &["encode", "a.obj", "-o", "b", "--threads", "0"],
+            &["encode", "a.obj", "-o", "b", "--drop", "beauty"],
+            &["decode", "a.lods", "-o", "b.ply", "--level", "1", "--max-bytes", "2"],
+            &["decode", "a.lods", "-o", "b.ply", "--max-error", "-1"],
+            &["decode", "a.lods", "-o", "b.ply", "--memory-limit", "much"],
+            &["verify", "a.lods", "--map", "x"],
+        ] {
+            let line = line(bad);
+            assert!(!line.contains('\n') && line.ends_with("; see lodestream --help"), "{line}");
+        }
+    }
+}

@@ -1,0 +1,195 @@
+//! `lodestream decode`: a level of a `.lods` file into a mesh file.
+
+use crate::Outcome;
+use crate::output::Output;
+use crate::progress::Bars;
+use crate::shared::{self, Machine};
+use crate::stream::Stream;
+use anyhow::{Context, Result, bail};
+use lodestream::container::Front;
+use lodestream::decode::DecodeOptions;
+use lodestream::write::{self, WriteOptions};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  lodestream decode bunny.lods -o bunny.ply
+  lodestream decode bunny.lods -o preview.glb --max-vertices 5000
+  lodestream decode scan.lods -o within_5mm.obj --max-error 0.005
+  head -c 100000 scan.lods | lodestream decode - -o start.ply
+
+A file that is cut gives its best whole level and a warning; with --strict that is an error.")]
+pub struct Args {
+    /// The .lods file; - for standard input
+    #[arg(value_name = "IN.lods")]
+    input: PathBuf,
+    /// The mesh to write: .obj, .ply (binary), .stl or .glb
+    #[arg(short, long, value_name = "OUT")]
+    output: PathBuf,
+    #[command(flatten)]
+    choice: Choice,
+    /// A file that is cut is an error
+    #[arg(long)]
+    strict: bool,
+    #[command(flatten)]
+    machine: Machine,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+/// Which level; the full one when nothing is said.
+#[derive(clap::Args)]
+#[group(multiple = false)]
+pub struct Choice {
+    /// The level of this number, 0 is the coarsest
+    #[arg(long, value_name = "N")]
+    level: Option<u32>,
+    /// The finest level of at most so many vertices
+    #[arg(long, value_name = "N")]
+    max_vertices: Option<u64>,
+    /// The finest level that the first so many bytes of the file hold, as in 100000 or 2MB
+    #[arg(long, value_name = "N", value_parser = shared::parse_size)]
+    max_bytes: Option<u64>,
+    /// The coarsest level that is at most so far from the input, in the units of the model
+    #[arg(long, value_name = "E", value_parser = parse_error, allow_negative_numbers = true)]
+    max_error: Option<f64>,
+}
+
+fn parse_error(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(error) if error >= 0.0 => Ok(error),
+        _ => Err("a distance is a number of at least 0".to_string()),
+    }
+}
+
+impl Choice {
+    /// The number of the level asked for.
+    pub fn pick(&self, front: &Front) -> Result<u32> {
+        let header = front.header();
+        let full = header.full_level();
+        let vertices = |level: u32| header.levels.get(level as usize).map_or(0, |row| u64::from(row.vertices));
+        let finest = |fits: &dyn Fn(u32) -> bool| (0..=full).rev().find(|&level| fits(level));
+        if let Some(level) = self.level {
+            if level > full {
+                bail!("there is no level {level}: the levels are 0 to {full}; see lodestream info");
+            }
+            return Ok(level);
+        }
+        if let Some(most) = self.max_vertices {
+            return finest(&|level| vertices(level) <= most).with_context(|| {
+                format!("level 0 has {} vertices already, more than {most}; allow more", vertices(0))
+            });
+        }
+        if let Some(most) = self.max_bytes {
+            let bytes = |level| front.prefix_bytes(level).unwrap_or(u64::MAX);
+            return finest(&|level| bytes(level) <= most)
+                .with_context(|| format!("level 0 takes {} bytes already, more than {most}; allow more", bytes(0)));
+        }
+        if let Some(most) = self.max_error {
+            let error = |level| header.error(level).unwrap_or(f64::INFINITY);
+            return (0..=full).find(|&level| error(level) <= most).with_context(|| {
+                let least = error(full);
+                format!(
+                    "not even the full level is known to be within {most} of the input, but within {least}; allow more"
+                )
+            });
+        }
+        Ok(full)
+    }
+}
+
+/// Fail before any work where the output's extension names no format that can be written.
+fn check_extension(path: &Path) -> Result<()> {
+    let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    if !["obj", "ply", "stl", "glb"].contains(&extension.as_str()) {
+        let what = if extension.is_empty() {
+            "a file without extension".into()
+        } else {
+            format!("the extension .{extension}")
+        };
+        bail!("{}: {what} names no format that can be written; use .obj, .ply, .stl or .glb", path.display());
+    }
+    Ok(())
+}
+
+/// The options of the decoder for a memory limit.
+pub fn options(memory_limit: Option<u64>) -> DecodeOptions {
+    let default = DecodeOptions::default();
+    DecodeOptions { memory_limit: memory_limit.unwrap_or(default.memory_limit), ..default }
+}
+
+pub fn run(args: &Args) -> Result<Outcome> {
+    let start = Instant::now();
+    check_extension(&args.output)?;
+    let name = shared::name(&args.input);
+    args.machine.run(|threads| {
+        let mut stream = Stream::open(&args.input)?;
+        let level = args.choice.pick(stream.front()).with_context(|| name.clone())?;
+        Output::check(&args.output)?;
+        let bars = Bars::new(!args.json);
+        let mut reached = stream.decode(level, options(args.machine.memory_limit), &bars, |_, _| Ok(()))?;
+        let mut warnings = Vec::new();
+        if let Some(cut) = reached.cut {
+            if args.strict || reached.level.is_none() {
+                return Err(cut).context(name.clone());
+            }
+            warnings.push(cut.to_string());
+        }
+        let Some(level) = reached.level else { bail!("{name}: no level could be decoded") };
+        if level == stream.front().full_level() {
+            match stream.check_end() {
+                Err(error) if args.strict => return Err(error),
+                Err(error) => warnings.push(error.root_cause().to_string()),
+                Ok(()) => {}
+            }
+        }
+        let mesh_start = Instant::now();
+        let mesh = reached.decoder.to_mesh();
+        drop(reached.decoder);
+        let decode_time = reached.decode_time + mesh_start.elapsed();
+        let write_start = Instant::now();
+        let lattice = &stream.front().header().lattice;
+        let left_out = write::write_path(&args.output, &mesh, Some(lattice), &WriteOptions::default())?;
+        let write_seconds = shared::seconds(write_start);
+        warnings.iter().for_each(|w| shared::warn(format!("{name}: {w}")));
+        left_out.iter().for_each(|w| shared::warn(format!("{}: {w}", args.output.display())));
+        warnings.extend(left_out.iter().map(ToString::to_string));
+        let header = stream.front().header();
+        let (levels, error) = (header.levels.len(), header.error(level));
+        let [read, decode] = [stream.read_time(), decode_time].map(|t| shared::round(t.as_secs_f64()));
+        let total = shared::seconds(start);
+        if args.json {
+            shared::print_json(&json!({
+                "level": level,
+                "levels": levels,
+                "vertices": mesh.vertex_count(),
+                "faces": mesh.face_count(),
+                "error": error,
+                "bytes_read": stream.bytes_read(),
+                "seconds": { "read": read, "decode": decode, "write": write_seconds, "total": total },
+                "peak_memory_bytes": shared::peak_memory(),
+                "threads": threads,
+                "warnings": warnings,
+            }))?;
+        } else {
+            let within = match error {
+                Some(e) if e.is_finite() => format!("at most {e:.6} from the input"),
+                _ => "not known".to_string(),
+            };
+            shared::print(&shared::table(&[
+                ("level", format!("{level} of 0 to {}", levels.saturating_sub(1))),
+                ("vertices", shared::thousands(mesh.vertex_count() as u64)),
+                ("faces", shared::thousands(mesh.face_count() as u64)),
+                ("error", within),
+                ("read", shared::human_bytes(stream.bytes_read())),
+                ("seconds", format!("{total:.2} (read {read:.2}, decode {decode:.2}, write {write_seconds:.2})")),
+                ("memory", format!("{} at most", shared::human_bytes(shared::peak_memory()))),
+            ]))?;
+        }
+        Ok(Outcome::Done)
+    })
+}

@@ -1,0 +1,254 @@
+//! `lodestream encode`: a mesh into a `.lods` file.
+
+use crate::Outcome;
+use crate::output::Output;
+use crate::progress::Bars;
+use crate::shared::{self, Device, Input, Machine};
+use anyhow::{Context, Result};
+use clap::ValueEnum;
+use lodestream::encode::{self, EncodeOptions, EncodeReport, Encoded, Progress, Stage};
+use lodestream::lattice::Quantization;
+use lodestream::read::{ReadMesh, ReadOptions};
+use serde_json::{Value, json};
+use std::io::{BufWriter, Write};
+use std::path::PathBuf;
+use std::time::Instant;
+
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  lodestream encode bunny.ply -o bunny.lods
+  lodestream encode tile_3_4.obj.gz -o tile_3_4.lods --position-step 0.001 --origin 512000,5403000,0 --lock-borders
+  lodestream encode model.glb -o model.lods --map model.map --json
+  zcat scan.ply.gz | lodestream encode - --format ply -o scan.lods")]
+pub struct Args {
+    #[command(flatten)]
+    input: Input,
+    /// The file to write
+    #[arg(short, long, value_name = "OUT.lods")]
+    output: PathBuf,
+    #[command(flatten)]
+    lattice: LatticeArgs,
+    /// Never move a vertex of a border, so that tiles fit at every level
+    #[arg(long)]
+    lock_borders: bool,
+    #[command(flatten)]
+    weld: WeldArgs,
+    /// Leave out attributes; this version keeps geometry and connectivity only and leaves out all of them anyway
+    #[arg(long, value_name = "WHAT", value_enum, value_delimiter = ',')]
+    drop: Vec<Layer>,
+    /// Write the new number of each vertex of the input, one per line
+    #[arg(long, value_name = "FILE")]
+    map: Option<PathBuf>,
+    /// Where the work is done
+    #[arg(long, value_enum, default_value = "auto")]
+    device: Device,
+    #[command(flatten)]
+    machine: Machine,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+/// The lattice on which positions are kept.
+#[derive(clap::Args)]
+pub struct LatticeArgs {
+    /// Bits per coordinate along the longest side of the bounding box, 1 to 21 [default: 12]
+    #[arg(long, value_name = "BITS", value_parser = clap::value_parser!(u8).range(1..=21), conflicts_with = "position_step")]
+    position_bits: Option<u8>,
+    /// The distance of lattice points, in the units of the model
+    #[arg(long, value_name = "STEP", value_parser = parse_step, allow_negative_numbers = true)]
+    position_step: Option<f64>,
+    /// A point of the lattice, so that tiles encoded apart share their borders bit for bit
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_point, requires = "position_step", allow_hyphen_values = true)]
+    origin: Option<[f64; 3]>,
+}
+
+impl LatticeArgs {
+    pub fn quantization(&self) -> Quantization {
+        match self.position_step {
+            Some(step) => Quantization::Step { step, origin: self.origin },
+            None => Quantization::Bits(self.position_bits.unwrap_or(12)),
+        }
+    }
+}
+
+/// Whether vertices at bit-equal positions are joined.
+#[derive(clap::Args)]
+pub struct WeldArgs {
+    /// Join vertices at bit-equal positions, whatever the format
+    #[arg(long, overrides_with = "no_weld", conflicts_with = "no_weld")]
+    weld: bool,
+    /// Never join vertices [default: join in STL, glTF, and PLY with texture coordinates per vertex]
+    #[arg(long)]
+    no_weld: bool,
+}
+
+impl WeldArgs {
+    pub fn choice(&self) -> Option<bool> {
+        match (self.weld, self.no_weld) {
+            (true, _) => Some(true),
+            (_, true) => Some(false),
+            _ => None,
+        }
+    }
+}
+
+/// What `--drop` can name.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Layer {
+    All,
+    Normals,
+    Colors,
+    Uvs,
+    Images,
+    Materials,
+    Tangents,
+}
+
+fn parse_step(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(step) if step > 0.0 && step.is_finite() => Ok(step),
+        _ => Err("a step is a positive number, as in 0.001".to_string()),
+    }
+}
+
+fn parse_point(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|c| c.trim().parse::<f64>()).collect();
+    match numbers.as_deref() {
+        Ok(&[x, y, z]) if [x, y, z].iter().all(|c| c.is_finite()) => Ok([x, y, z]),
+        _ => Err("three numbers, as in 512000,5403000,0".to_string()),
+    }
+}
+
+/// The name of a stage on the progress bar.
+pub fn stage_name(stage: Stage) -> &'static str {
+    match stage {
+        Stage::Simplify => "simplify",
+        Stage::Encode => "encode",
+    }
+}
+
+pub fn run(args: &Args) -> Result<Outcome> {
+    let start = Instant::now();
+    let output = Output::create(&args.output)?;
+    let map = args.map.as_deref().map(Output::create).transpose()?;
+    let bars = Bars::new(!args.json);
+    let options = EncodeOptions { quantization: args.lattice.quantization(), lock_borders: args.lock_borders };
+    let name = shared::name(&args.input.path);
+    args.machine.run(|threads| {
+        let read_options = ReadOptions { weld: args.weld.choice(), memory_limit: args.machine.memory_limit };
+        let read = args.input.read(&read_options)?;
+        let read_seconds = shared::seconds(start);
+        // Attributes are what a user may have asked to leave out; the rest is worth a line either way.
+        read.warnings.iter().for_each(|w| shared::warn(format!("{name}: {w}")));
+        let progress = |p: Progress| bars.show(stage_name(p.stage), p.done, p.total);
+        let encoded = encode::encode(&read.mesh, &options, &progress).with_context(|| name.clone())?;
+        bars.finish();
+        let write_start = Instant::now();
+        output.write(|out| out.write_all(&encoded.bytes))?;
+        if let Some(map) = &map {
+            map.write(|out| write_map(out, &read, &encoded))?;
+        }
+        output.commit()?;
+        map.map_or(Ok(()), Output::commit)?;
+        let seconds = [read_seconds, shared::seconds(write_start), shared::seconds(start)];
+        let warnings: Vec<String> = read.warnings.iter().map(ToString::to_string).collect();
+        if args.json {
+            let mut object = account(&encoded, seconds);
+            object["device"] = json!(args.device.chosen());
+            object["threads"] = json!(threads);
+            object["peak_memory_bytes"] = json!(shared::peak_memory());
+            object["warnings"] = json!(warnings);
+            shared::print_json(&object)?;
+        } else {
+            shared::print(&summary(&encoded.report, encoded.bytes.len() as u64, seconds))?;
+        }
+        Ok(Outcome::Done)
+    })
+}
+
+/// One line per vertex record of the input: the vertex it has become.
+fn write_map(out: &mut dyn Write, read: &ReadMesh, encoded: &Encoded) -> std::io::Result<()> {
+    let mut out = BufWriter::new(out);
+    for &vertex in &read.map {
+        match encoded.map.get(vertex as usize) {
+            Some(new) => writeln!(out, "{new}")?,
+            None => return Err(std::io::Error::other("the reader and the encoder disagree on the vertices")),
+        }
+    }
+    out.flush()
+}
+
+/// The JSON account of an encoding, machine fields left out; `seconds`: read, write, total.
+fn account(encoded: &Encoded, seconds: [f64; 3]) -> Value {
+    let (report, bytes) = (&encoded.report, encoded.bytes.len());
+    let kind = |bits: f64| (bits / 8.0 * 1000.0).round() / 1000.0;
+    json!({
+        "vertices": report.vertices,
+        "faces": report.faces,
+        "components": report.components,
+        "bytes": bytes,
+        "bits_per_vertex": bits_per_vertex(bytes as u64, report.vertices),
+        "bytes_by_kind": {
+            "connectivity": kind(report.bits.connectivity),
+            "geometry": kind(report.bits.geometry),
+            "header": kind(report.bits.header),
+            "points": kind(report.bits.points),
+            "aside": kind(report.bits.aside),
+        },
+        "levels": report.levels,
+        "edges_weighed": report.edges_weighed,
+        "seconds": {
+            "read": seconds[0],
+            "weigh": shared::round(report.weigh_seconds),
+            "select": shared::round(report.select_seconds),
+            "collapse": shared::round(report.collapse_seconds),
+            "encode": shared::round(report.encode_seconds),
+            "write": seconds[1],
+            "total": seconds[2],
+        },
+    })
+}
+
+/// Bits per vertex; `None` without vertices.
+pub fn bits_per_vertex(bytes: u64, vertices: usize) -> Option<f64> {
+    (vertices > 0).then(|| (8e4 * bytes as f64 / vertices as f64).round() / 1e4)
+}
+
+fn summary(report: &EncodeReport, bytes: u64, [read, write, total]: [f64; 3]) -> String {
+    let rate = bits_per_vertex(bytes, report.vertices).map_or(String::new(), |b| format!(" ({b:.2} bits per vertex)"));
+    let speed = if total > 0.0 { report.vertices as f64 / total } else { 0.0 };
+    let kinds = [
+        ("connectivity", report.bits.connectivity),
+        ("geometry", report.bits.geometry),
+        ("points", report.bits.points),
+        ("aside", report.bits.aside),
+        ("header", report.bits.header),
+    ];
+    let kinds: Vec<String> = kinds
+        .iter()
+        .filter(|(_, bits)| *bits > 0.0)
+        .map(|(kind, bits)| format!("{kind} {}", shared::human_bytes((bits / 8.0).round() as u64)))
+        .collect();
+    shared::table(&[
+        ("vertices", shared::thousands(report.vertices as u64)),
+        ("faces", shared::thousands(report.faces as u64)),
+        ("components", shared::thousands(report.components as u64)),
+        ("levels", report.levels.to_string()),
+        ("size", format!("{}{rate}", shared::human_bytes(bytes))),
+        ("  of it", kinds.join(", ")),
+        (
+            "seconds",
+            format!(
+                "{total:.2} (read {read:.2}, weigh {:.2}, select {:.2}, collapse {:.2}, encode {:.2}, write {write:.2}), {} vertices/s",
+                report.weigh_seconds,
+                report.select_seconds,
+                report.collapse_seconds,
+                report.encode_seconds,
+                shared::thousands(speed as u64)
+            ),
+        ),
+        ("memory", format!("{} at most", shared::human_bytes(shared::peak_memory()))),
+    ])
+}

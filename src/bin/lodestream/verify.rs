@@ -1,0 +1,181 @@
+//! `lodestream verify`: every checksum, every level, and the comparison with the source.
+
+use crate::Outcome;
+use crate::progress::Bars;
+use crate::shared::{self, Machine};
+use crate::stream::Stream;
+use anyhow::{Context, Result, bail};
+use lodestream::compare::{self, Difference};
+use lodestream::lattice::Lattice;
+use lodestream::mesh::Mesh;
+use lodestream::read::{Format, ReadOptions};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  lodestream verify bunny.lods
+  lodestream verify bunny.lods --against bunny.ply
+  lodestream encode bunny.ply -o bunny.lods --map bunny.map && lodestream verify bunny.lods --against bunny.ply --map bunny.map
+
+With a map the comparison is complete: every vertex, every face. Without one it compares what positions tell.
+Exit codes: 0 sound (and equal); 1 damaged or unreadable; 2 wrong usage; 3 sound, but not equal to the source.")]
+pub struct Args {
+    /// The .lods file; - for standard input
+    #[arg(value_name = "IN.lods")]
+    input: PathBuf,
+    /// The mesh that it was made from
+    #[arg(long, value_name = "INPUT")]
+    against: Option<PathBuf>,
+    /// The format of the source, where its name does not tell
+    #[arg(long, value_name = "FORMAT", requires = "against", value_parser = crate::shared::parse_format)]
+    format: Option<Format>,
+    /// The vertex map that encoding wrote
+    #[arg(long, value_name = "FILE", requires = "against")]
+    map: Option<PathBuf>,
+    #[command(flatten)]
+    machine: Machine,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+pub fn run(args: &Args) -> Result<Outcome> {
+    let start = Instant::now();
+    let name = shared::name(&args.input);
+    args.machine.run(|_| {
+        let mut stream = Stream::open(&args.input)?;
+        let full = stream.front().full_level();
+        let rows = stream.front().header().levels.clone();
+        let bars = Bars::new(!args.json);
+        let options = crate::decode::options(args.machine.memory_limit);
+        let mut reached = stream.decode(full, options, &bars, |level, decoder| {
+            // The level table is under its own checksum, so a level that disagrees with it was encoded wrongly.
+            let (faces, vertices) = (decoder.faces().len(), decoder.complex().positions.len());
+            let row = rows.get(level as usize).copied().unwrap_or_default();
+            if vertices != row.vertices as usize || faces != row.elements as usize {
+                bail!(
+                    "{name}: level {level} has {vertices} vertices and {faces} faces, its table says {} and {}",
+                    row.vertices,
+                    row.elements
+                );
+            }
+            Ok(())
+        })?;
+        if let Some(cut) = reached.cut {
+            return Err(cut).context(name.clone());
+        }
+        stream.check_end()?;
+        let mesh = reached.decoder.to_mesh();
+        mesh.validate().with_context(|| format!("{name}: the full level"))?;
+        let (levels, chunks) = (rows.len(), stream.front().chunks().len());
+        let lattice = stream.front().header().lattice;
+        let verdict = args.against.as_deref().map(|source| against(args, source, &mesh, &lattice)).transpose()?;
+        let test = match &verdict {
+            None => None,
+            Some(v) if v.complete => Some("complete, through the vertex map"),
+            Some(_) => Some("by position"),
+        };
+        let difference = verdict.as_ref().and_then(|v| v.difference.clone());
+        if args.json {
+            shared::print_json(&json!({
+                "levels": levels,
+                "chunks": chunks,
+                "vertices": mesh.vertex_count(),
+                "faces": mesh.face_count(),
+                "bytes": stream.bytes_read(),
+                "sound": true,
+                "test": test,
+                "equal": verdict.as_ref().map(|v| v.difference.is_none()),
+                "difference": difference.as_ref().map(ToString::to_string),
+                "seconds": { "total": shared::seconds(start) },
+                "peak_memory_bytes": shared::peak_memory(),
+            }))?;
+        } else {
+            let sound = format!(
+                "{chunks} chunks and {levels} levels are sound, {} bytes",
+                shared::thousands(stream.bytes_read())
+            );
+            let mut rows = vec![("file", sound)];
+            if let Some(test) = test {
+                rows.push(("test", test.to_string()));
+                let equal = format!("all {} vertices and {} faces are equal", mesh.vertex_count(), mesh.face_count());
+                rows.push(("source", if difference.is_none() { equal } else { "NOT equal".to_string() }));
+            }
+            shared::print(&shared::table(&rows))?;
+        }
+        let Some(difference) = difference else { return Ok(Outcome::Done) };
+        let source = args.against.as_deref().map(shared::name).unwrap_or_default();
+        shared::complain(&format!("{name} differs from {source}: {difference}"));
+        Ok(Outcome::Different)
+    })
+}
+
+struct Verdict {
+    /// Whether the comparison went through the map.
+    complete: bool,
+    difference: Option<Difference>,
+}
+
+fn against(args: &Args, source: &Path, decoded: &Mesh, lattice: &Lattice) -> Result<Verdict> {
+    if shared::is_dash(source) && shared::is_dash(&args.input) {
+        bail!("the file and its source cannot both come from standard input");
+    }
+    let read = |weld| {
+        let options = ReadOptions { weld, memory_limit: args.machine.memory_limit };
+        shared::read_mesh(source, args.format, &options)
+    };
+    if let Some(path) = &args.map {
+        // A map speaks of the records of the file, so they are compared as they stand there.
+        let map = read_map(path)?;
+        let mut mesh = read(Some(false))?.mesh;
+        drop_welded_edges(&mut mesh, &map);
+        let difference = compare::by_map(&mesh, decoded, lattice, &map).err();
+        return Ok(Verdict { complete: true, difference });
+    }
+    // Whether the encoder was told to weld the file does not say; the number of vertices does.
+    let mut mesh = read(None)?.mesh;
+    if mesh.vertex_count() != decoded.vertex_count() && !shared::is_dash(source) {
+        for weld in [Some(true), Some(false)] {
+            let other = read(weld)?.mesh;
+            if other.vertex_count() == decoded.vertex_count() {
+                mesh = other;
+                break;
+            }
+        }
+    }
+    Ok(Verdict { complete: false, difference: compare::by_position(&mesh, decoded, lattice).err() })
+}
+
+/// An edge whose ends were welded is a point: readers leave it out, so it is no difference.
+fn drop_welded_edges(mesh: &mut Mesh, map: &[u32]) {
+    let image = |v: u32| map.get(v as usize);
+    let is_point = |face: &[u32]| matches!(*face, [a, b] if a != b && image(a).is_some() && image(a) == image(b));
+    if mesh.faces().any(is_point) {
+        let mut kept = Mesh { positions: std::mem::take(&mut mesh.positions), ..Mesh::default() };
+        mesh.faces().filter(|face| !is_point(face)).for_each(|face| kept.push_face(face));
+        *mesh = kept;
+    }
+}
+
+fn read_map(path: &Path) -> Result<Vec<u32>> {
+    let bytes = shared::read_file(path)?;
+    let text = std::str::from_utf8(&bytes)
+        .ok()
+        .with_context(|| format!("{}: this is not a vertex map: not text", path.display()))?;
+    text.lines()
+        .enumerate()
+        .map(|(i, line)| {
+            line.trim().parse::<u32>().ok().with_context(|| {
+                let shown: String = line.chars().take(20).collect();
+                format!(
+                    "{}, line {}: {shown:?} is no vertex number; give the file that encode --map wrote",
+                    path.display(),
+                    i + 1
+                )
+            })
+        })
+        .collect()
+}
