@@ -29,7 +29,7 @@ pub fn canonical_order(points: &[[i32; 3]]) -> Vec<u32> {
     order
 }
 
-/// Code `count` points.
+/// Code `count` points, fewer than 2^32.
 ///
 /// An encoder reads `points`, which holds `count` points in any order, each coordinate within ±[`POINT_LIMIT`], and leaves
 /// them in canonical order. A decoder replaces what is in `points`. The count itself is not coded: the caller has it, and

@@ -26,6 +26,8 @@ fn clouds(most: usize) -> impl Strategy<Value = Vec<[i32; 3]>> {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
     #[test]
     fn few_points_come_back(points in clouds(SMALL + 8)) {
         round_trip(&points);
