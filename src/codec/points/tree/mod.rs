@@ -316,7 +316,7 @@ fn split_cell<C: Coder>(
 
 impl Models {
     fn new(count: usize) -> Self {
-        let mask = (4 * count).next_power_of_two().clamp(64, 1 << 16) - 1;
+        let mask = (4 * count.min(1 << 14)).next_power_of_two().max(64) - 1;
         Models {
             mask,
             side: Mixer::new(
