@@ -9,6 +9,11 @@ use lodestream::read::{Format, ReadErrorKind, ReadOptions, read_bytes};
 #[test]
 fn findings_of_the_readers_stay_mended() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/findings");
+    if !folder.exists() {
+        // A packaged crate comes without them.
+        eprintln!("skipped: findings_of_the_readers_stay_mended (there is no {})", folder.display());
+        return;
+    }
     let mut replayed = 0;
     for (target, format) in [
         ("read_obj", Format::Obj),

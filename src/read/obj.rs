@@ -34,15 +34,20 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<ReadMesh, Fail
         c.skip_blanks_continued();
         let Some(first) = c.peek() else { break };
         match first {
+            // Nearly all lines are one of these two.
+            b'v' if c.rest().get(1) == Some(&b' ') => {
+                c.skip_byte();
+                vertex(&mut b, &mut c, &mut layers)?;
+            }
+            b'f' if c.rest().get(1) == Some(&b' ') => {
+                c.skip_byte();
+                face(&mut b, &mut c, &mut farthest)?;
+            }
             b'\n' | b'\r' => c.end_line(),
             b'#' => c.skip_line_continued(),
             _ => match c.word() {
                 b"v" => vertex(&mut b, &mut c, &mut layers)?,
-                b"f" | b"fo" => {
-                    corners(&mut c, b.records(), "a face", &mut farthest, |v| b.corner(v))?;
-                    b.end_face().at(|| c.place())?;
-                    c.skip_line_continued();
-                }
+                b"f" | b"fo" => face(&mut b, &mut c, &mut farthest)?,
                 b"vt" => layers.skip(&mut c, Layer::TextureCoordinates),
                 b"vn" => layers.skip(&mut c, Layer::Normals),
                 b"l" => line(&mut b, &mut c, &mut farthest)?,
@@ -174,10 +179,12 @@ fn corners(
         let Some(index) = c.integer() else {
             return Err(c.unexpected("a vertex number")).at(|| c.place());
         };
-        // The numbers of texture coordinates and normals.
-        while let Some(b'/') = c.peek() {
-            c.skip_byte();
-            c.integer();
+        if c.peek() != Some(b' ') {
+            // The numbers of texture coordinates and normals.
+            while let Some(b'/') = c.peek() {
+                c.skip_byte();
+                c.integer();
+            }
         }
         if !c.at_word_end() {
             return Err(c.unexpected("the end of a vertex number")).at(|| c.place());
@@ -192,6 +199,15 @@ fn corners(
         }
         take(record as u32).at(|| c.place())?;
     }
+}
+
+/// `f v v v …`
+#[inline]
+fn face(b: &mut Builder, c: &mut Cursor<'_>, farthest: &mut Farthest) -> Result<(), Fail> {
+    corners(c, b.records(), "a face", farthest, |v| b.corner(v))?;
+    b.end_face().at(|| c.place())?;
+    c.skip_line_continued();
+    Ok(())
 }
 
 /// `l v v v …`: an edge between each two neighbours.

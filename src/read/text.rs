@@ -106,7 +106,17 @@ impl<'a> Cursor<'a> {
     }
 
     /// Like [`Cursor::skip_line`], along `\` at the ends of lines.
+    #[inline]
     pub fn skip_line_continued(&mut self) {
+        if self.peek() == Some(b'\n') {
+            self.pos += 1;
+            self.line += 1;
+            return;
+        }
+        self.skip_rest_continued();
+    }
+
+    fn skip_rest_continued(&mut self) {
         loop {
             let start = self.pos;
             self.pos = memchr::memchr2(b'\n', b'\r', self.rest()).map_or(self.bytes.len(), |n| self.pos + n);
@@ -191,14 +201,23 @@ impl<'a> Cursor<'a> {
             _ => false,
         };
         let first = at;
-        let mut value = 0i64;
+        let mut value = 0u64;
         while let Some(digit) = self.bytes.get(at).map(|b| b.wrapping_sub(b'0')).filter(|&d| d < 10) {
-            value = value.checked_mul(10)?.checked_add(i64::from(digit))?;
+            // What overflows has too many digits, which is looked at once, behind the loop.
+            value = value.wrapping_mul(10).wrapping_add(u64::from(digit));
             at += 1;
         }
         if at == first {
             return None;
         }
+        if at - first > 18 {
+            let significant = &self.bytes[first..at];
+            let zeros = significant.iter().take_while(|&&b| b == b'0').count();
+            if significant.len() - zeros > 18 {
+                return None;
+            }
+        }
+        let value = value as i64;
         self.pos = at;
         Some(if negative { -value } else { value })
     }
@@ -269,5 +288,7 @@ mod tests {
         assert!(Cursor::new(b"3.5").whole("x").is_err());
         assert_eq!(Cursor::new(b"-12/5").integer(), Some(-12));
         assert_eq!(Cursor::new(b"99999999999999999999").integer(), None);
+        assert_eq!(Cursor::new(b"-999999999999999999").integer(), Some(-999_999_999_999_999_999));
+        assert_eq!(Cursor::new(b"000000000000000000000042").integer(), Some(42));
     }
 }
