@@ -9,6 +9,7 @@
 use super::around::{Around, Shape};
 use super::patch::{Patch, View};
 use super::range::{Bit, Coder, golomb};
+use crate::complex::placement::root;
 use crate::complex::{Inserted, Side, Split};
 
 /// `2^(−i/64)`, of 32768.
@@ -101,6 +102,8 @@ struct Locus {
     class: u8,
     /// Length of the edge to it over the mean, in 1/256, at most 4.
     len: i32,
+    /// The ring vector of an edge, over the mean, in 1/256.
+    ring: [i32; 3],
     /// Direction to it, length 256.
     dir: [i32; 3],
     score: i32,
@@ -239,14 +242,15 @@ fn code_loci<C: Coder>(
     let scale = (1i64 << 32) / patch.mean;
     let shrink = |v: [i64; 3]| v.map(|c| ((c * scale) >> 16).clamp(-(1 << 20), 1 << 20) as i32);
     let locus = |at: u16, class: u8, v: [i32; 3], weights: &[i32], w_len: i32| {
-        let len =
-            ((v[0] as i64 * v[0] as i64 + v[1] as i64 * v[1] as i64 + v[2] as i64 * v[2] as i64) as u64).isqrt() as i64;
+        let square = v[0] as i64 * v[0] as i64 + v[1] as i64 * v[1] as i64 + v[2] as i64 * v[2] as i64;
+        let len = root(square as u64) as i64;
         let inverse = (1i64 << 24) / len.max(1);
         let len = (len as i32).min(1023);
         Locus {
             at,
             class,
             len,
+            ring: v,
             dir: v.map(|c| ((c as i64 * inverse) >> 16) as i32),
             score: weights[class as usize] + (w_len * (len - 256) >> 8),
         }
@@ -273,61 +277,65 @@ fn code_loci<C: Coder>(
     freqs.clear();
     let mut best = i32::MIN;
     let mut want = 0;
-    let mut candidate = |a: &Locus, b: Option<&Locus>, pairs: &mut Vec<Pair>, freqs: &mut Vec<u32>| {
-        // Ring vertices of v1: from the first at or behind `a` to the last at or before `b`.
-        let from = (a.at as usize + 1) / 2;
-        let to = b.map_or(n - 1, |b| b.at as usize / 2);
-        let n1 = (to + 1).saturating_sub(from);
-        let shared = (a.at & 1 == 0) as usize + b.is_some_and(|b| b.at & 1 == 0) as usize;
-        let n2 = n - n1 + shared;
-        let s1: [i32; 3] = if n1 > 0 { std::array::from_fn(|k| sums[to + 1][k] - sums[from][k]) } else { [0; 3] };
-        let mut s2: [i32; 3] = std::array::from_fn(|k| total_sum[k] - s1[k]);
-        for x in [Some(a), b].into_iter().flatten() {
-            if x.at & 1 == 0 {
-                let e = x.at as usize / 2;
-                for k in 0..3 {
-                    s2[k] += sums[e + 1][k] - sums[e][k];
-                }
-            }
-        }
+    let last = 2 * (n as u16 - 1);
+    let weights = [m.scalar[2], m.scalar[3], m.scalar[4], m.scalar[5]];
+    // What two loci share: `s1` is the sum over the ring vertices of v1, `n1` their number.
+    let score = |s1: [i32; 3], n1: usize, s2: [i32; 3], n2: usize, cos: i32, differ: i32| {
         let (i1, i2) = (RECIPROCAL[n1], RECIPROCAL[n2]);
-        let mut d: [i32; 3] =
-            std::array::from_fn(|k| ((s1[k] as i64 * i1 - s2[k] as i64 * i2) >> 16).abs().min(4096) as i32);
-        d.sort_unstable();
-        let gap = (d[2] + (3 * d[1] >> 3) + (d[0] >> 2)).min(1023);
-        let (cos, differ) = match b {
-            Some(b) => {
-                let c = a.dir[0] * b.dir[0] + a.dir[1] * b.dir[1] + a.dir[2] * b.dir[2];
-                ((c >> 8).clamp(-256, 256), (a.len - b.len).abs())
-            }
-            None => (0, 0),
-        };
+        let d: [i32; 3] = std::array::from_fn(|k| ((s1[k] as i64 * i1 - s2[k] as i64 * i2) >> 16).unsigned_abs().min(4096) as i32);
+        // About the length: the largest component and 3/8 of the others.
+        let most = d[0].max(d[1]).max(d[2]);
+        let gap = (most + ((d[0] + d[1] + d[2] - most) * 3 >> 3)).min(1023);
         let child = [n1.min(CHILD - 1) as u8, n2.min(CHILD - 1) as u8];
         let feature = [cos as i16, differ as i16, gap as i16, (cos * cos >> 8) as i16];
-        let mut score = a.score + b.map_or(0, |b| b.score) + m.child[child[0] as usize] + m.child[child[1] as usize];
+        let mut score = m.child[child[0] as usize] + m.child[child[1] as usize];
         for k in 0..4 {
-            score += (m.scalar[2 + k] as i64 * feature[k] as i64 >> 8) as i32;
+            score += (weights[k] as i64 * feature[k] as i64 >> 8) as i32;
         }
-        if open && b.is_some() && (a.at == 0 || b.is_some_and(|b| b.at as usize == 2 * (n - 1))) {
-            score += m.border;
-        }
-        if !C::DECODING && a.at == p && b.map(|b| b.at) == q {
-            want = pairs.len();
-        }
-        best = best.max(score);
-        pairs.push(Pair { p: a.at, q: b.map_or(u16::MAX, |b| b.at), child, feature });
-        freqs.push(score as u32);
+        (score, child, feature)
     };
-    for (i, a) in loci.iter().enumerate() {
-        if single {
-            if a.at & 1 == count {
-                candidate(a, None, pairs, freqs);
+    if single {
+        for a in loci.iter().filter(|a| a.at & 1 == count) {
+            let from = (a.at as usize + 1) / 2;
+            let shared = a.at & 1 == 0;
+            let s1 = std::array::from_fn(|k| total_sum[k] - sums[from][k]);
+            let s2 = std::array::from_fn(|k| if shared { sums[from + 1][k] } else { sums[from][k] });
+            let (s, child, feature) = score(s1, n - from, s2, from + shared as usize, 0, 0);
+            if !C::DECODING && a.at == p {
+                want = pairs.len();
             }
-            continue;
+            best = best.max(s + a.score);
+            pairs.push(Pair { p: a.at, q: u16::MAX, child, feature });
+            freqs.push((s + a.score) as u32);
         }
-        for b in &loci[i + 1..] {
-            if (a.at & 1) + (b.at & 1) == count {
-                candidate(a, Some(b), pairs, freqs);
+    } else {
+        for (i, a) in loci.iter().enumerate() {
+            let from = (a.at as usize + 1) / 2;
+            let edge_a = a.at & 1 == 0;
+            for b in &loci[i + 1..] {
+                if (a.at & 1) + (b.at & 1) != count {
+                    continue;
+                }
+                // Ring vertices of v1: from the first at or behind `a` to the last at or before `b`.
+                let end = b.at as usize / 2 + 1;
+                let edge_b = b.at & 1 == 0;
+                let s1: [i32; 3] = std::array::from_fn(|k| sums[end][k] - sums[from][k]);
+                let n1 = end - from;
+                let n2 = n - n1 + edge_a as usize + edge_b as usize;
+                let (va, vb) = (edge_a as i32, edge_b as i32);
+                let s2 = std::array::from_fn(|k| total_sum[k] - s1[k] + va * a.ring[k] + vb * b.ring[k]);
+                let c = a.dir[0] * b.dir[0] + a.dir[1] * b.dir[1] + a.dir[2] * b.dir[2];
+                let (s, child, feature) = score(s1, n1, s2, n2, (c >> 8).clamp(-256, 256), (a.len - b.len).abs());
+                let mut s = s + a.score + b.score;
+                if open && (a.at == 0 || b.at == last) {
+                    s += m.border;
+                }
+                if !C::DECODING && a.at == p && Some(b.at) == q {
+                    want = pairs.len();
+                }
+                best = best.max(s);
+                pairs.push(Pair { p: a.at, q: b.at, child, feature });
+                freqs.push(s as u32);
             }
         }
     }
@@ -355,7 +363,7 @@ fn code_loci<C: Coder>(
     let inverse = (1u64 << 40) / total as u64;
     let mut mass = [0i32; 2 * super::around::MAX_FAN + 4];
     let mut children = [0i32; CHILD];
-    let mut features = [0i64; 4];
+    let mut features = [0i32; 4];
     let mut borders = 0;
     for (k, (pair, &f)) in pairs.iter().zip(freqs.iter()).enumerate() {
         let g = ((k == chosen) as i32) * 65536 - ((f as u64 * inverse) >> 24) as i32;
@@ -369,7 +377,7 @@ fn code_loci<C: Coder>(
         children[pair.child[0] as usize] += g;
         children[pair.child[1] as usize] += g;
         for c in 0..4 {
-            features[c] += g as i64 * pair.feature[c] as i64;
+            features[c] += (g >> 4) * pair.feature[c] as i32 >> 4;
         }
     }
     let limit = |w: i32| w.clamp(-(12 << 16), 12 << 16);
@@ -387,7 +395,7 @@ fn code_loci<C: Coder>(
         *w = limit(*w + (g >> rate));
     }
     for (w, g) in m.scalar[2..].iter_mut().zip(features) {
-        *w = limit(*w + ((g >> 8) >> rate) as i32);
+        *w = limit(*w + (g >> rate));
     }
     m.border = limit(m.border + (borders >> rate));
     let pair = pairs[chosen];

@@ -4,7 +4,7 @@
 //! 64 elements are looked at, so that no sum leaves `i64`.
 
 use super::around::Around;
-use crate::complex::placement::{cross, dot, sub, unit};
+use crate::complex::placement::{cross, dot, root, sub, unit};
 use crate::complex::{Faces, Level, Star};
 
 /// Elements looked at for geometry.
@@ -17,7 +17,7 @@ pub struct View<'a> {
     pub level: &'a Level,
     /// Its stars.
     pub star: &'a Star,
-    /// Its mean edge length, in 1/256 step, at least 1.
+    /// Its mean edge length (root mean square), in 1/256 step, at least 1.
     pub mean_edge: i64,
 }
 
@@ -31,19 +31,21 @@ impl<'a> View<'a> {
 /// Length of a vector in 1/256 step; the vector within ±2^27.
 #[inline(always)]
 pub fn length(v: [i64; 3]) -> i64 {
-    (((dot(v, v) as u64) << 8).isqrt() << 4) as i64
+    (root((dot(v, v) as u64) << 8) << 4) as i64
 }
 
-/// The mean length of (a fixed sample of) the edges of a level, in 1/256 step, at least 1.
+/// The root mean square length of (a fixed sample of) the edges of a level, in 1/256 step, at least 1.
 pub fn mean_edge(positions: &[[i32; 3]], faces: &Faces) -> i64 {
     let stride = faces.len() / 4096 + 1;
-    let (mut sum, mut n) = (0i64, 0i64);
+    let (mut sum, mut n) = (0u128, 0u128);
     for f in (0..faces.len()).step_by(stride) {
         let c = faces.get(f as u32);
-        sum += length(sub(positions[c[0] as usize], positions[c[1] as usize]));
+        let d = sub(positions[c[0] as usize], positions[c[1] as usize]);
+        sum += dot(d, d) as u128;
         n += 1;
     }
-    (sum / n.max(1)).max(1)
+    let mean = (sum / n.max(1)).min(1 << 55) as u64;
+    ((root(mean << 8) << 4) as i64).max(1)
 }
 
 /// A vertex and what lies around it. Reused from vertex to vertex.
@@ -55,7 +57,7 @@ pub struct Patch {
     pub at: [i32; 3],
     /// Unit normal, 0 where there is none.
     pub normal: [i64; 3],
-    /// Mean length of its edges, at least 1.
+    /// Root mean square length of its edges, at least 1.
     pub mean: i64,
     /// Mean distance of its neighbours from its tangent plane.
     pub height: i64,
@@ -74,7 +76,8 @@ impl Patch {
         self.ring.clear();
         for s in self.around.spokes.iter().take(LOOK) {
             let next = sub(p[s.next as usize], self.at);
-            sum += length(next);
+            // Squares of 54 bits, 64 of them at most, with 4 bits dropped.
+            sum += dot(next, next) + 15 >> 4;
             n += 1;
             self.ring.push(next);
             if s.degree > 2 {
@@ -84,7 +87,9 @@ impl Patch {
                 }
             }
         }
-        self.mean = (sum / n.max(1)).max(1);
+        // The mean square times 2^12 has its root in 1/64 step.
+        let square = (sum / n.max(1)) as u64;
+        self.mean = if square < 1 << 46 { (root(square << 16) << 2) as i64 } else { (root(square) << 10) as i64 }.max(1);
         self.normal = unit(area);
         let heights: i64 = self.ring.iter().map(|&r| dot(r, self.normal).abs() >> 6).sum();
         self.height = heights / n.max(1);

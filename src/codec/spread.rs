@@ -7,7 +7,7 @@
 use super::density::{Density, MIN_SPREAD, Q};
 use super::patch::{Patch, length};
 use super::range::Coder;
-use crate::complex::placement::{cross, dot, sub, unit};
+use crate::complex::placement::{cross, dot, root, sub, unit};
 use crate::complex::{Side, Split};
 
 const SIZES: usize = 40;
@@ -143,7 +143,7 @@ pub fn code_delta<C: Coder>(
     let axis = |v: [i64; 3], s: i64| v.map(|c| (s >> drop) * c >> 12);
     let (a, b, c) = (axis(t, spread[0]), axis(l, spread[1]), axis(n, spread[2]));
     let sigma = |i: usize, j: usize| (a[i] * a[j] + b[i] * b[j] + c[i] * c[j]) >> 4;
-    let deviation = |v: i64| ((v.max(0) as u64).isqrt() as i64) << drop;
+    let deviation = |v: i64| (root(v.max(0) as u64) as i64) << drop;
     let out = |coder: &mut C, m: &mut SpreadModels, k: usize, mu: i64, s: i64| {
         let s = s.max(MIN_SPREAD);
         let class = if s < Q {
