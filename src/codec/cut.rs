@@ -23,7 +23,7 @@ const EXP: [u32; 64] = [
 const VALENCES: usize = 12;
 const DEGREES: usize = 6;
 const CHILD: usize = 14;
-const SCALARS: usize = 6;
+const SCALARS: usize = 3;
 
 /// Adaptive models of connectivity.
 #[derive(Clone, Debug)]
@@ -100,10 +100,8 @@ struct Locus {
     at: u16,
     /// Index of the weight of its kind.
     class: u8,
-    /// Length of the edge to it over the mean, in 1/256, at most 4.
+    /// Length of the edge to it over the mean, less one, in 1/256, at most 3.
     len: i32,
-    /// The ring vector of an edge, over the mean, in 1/256.
-    ring: [i32; 3],
     /// Direction to it, length 256.
     dir: [i32; 3],
     score: i32,
@@ -114,7 +112,8 @@ struct Pair {
     p: u16,
     q: u16,
     child: [u8; 2],
-    feature: [i16; 4],
+    /// Cosine of the angle between the loci, in 1/256.
+    cos: i16,
 }
 
 /// What the fast road says about a split: the places of the loci.
@@ -240,111 +239,84 @@ fn code_loci<C: Coder>(
     loci.clear();
     let n = around.ring.len();
     let scale = (1i64 << 32) / patch.mean;
-    let shrink = |v: [i64; 3]| v.map(|c| ((c * scale) >> 16).clamp(-(1 << 20), 1 << 20) as i32);
-    let locus = |at: u16, class: u8, v: [i32; 3], weights: &[i32], w_len: i32| {
-        let square = v[0] as i64 * v[0] as i64 + v[1] as i64 * v[1] as i64 + v[2] as i64 * v[2] as i64;
-        let len = root(square as u64) as i64;
+    let mut locus = |at: u16, class: u8, r: [i64; 3], weights: &[i32], w_len: i32| {
+        // The ring vector over the mean, in 1/256.
+        let v = [r[0] * scale >> 16, r[1] * scale >> 16, r[2] * scale >> 16];
+        let len = root((v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) as u64) as i64;
         let inverse = (1i64 << 24) / len.max(1);
-        let len = (len as i32).min(1023);
-        Locus {
+        let len = len.min(1023) as i32 - 256;
+        loci.push(Locus {
             at,
             class,
             len,
-            ring: v,
-            dir: v.map(|c| ((c as i64 * inverse) >> 16) as i32),
-            score: weights[class as usize] + (w_len * (len - 256) >> 8),
-        }
+            dir: [(v[0] * inverse >> 16) as i32, (v[1] * inverse >> 16) as i32, (v[2] * inverse >> 16) as i32],
+            score: weights[class as usize] + (w_len * len >> 8),
+        });
     };
-    let mut sums: [[i32; 3]; 2 * super::around::MAX_FAN + 4] = [[0; 3]; 2 * super::around::MAX_FAN + 4];
     for k in 0..n {
-        let r = shrink(patch.ring[k]);
-        sums[k + 1] = std::array::from_fn(|c| sums[k][c] + r[c]);
+        let r = patch.ring[k];
         if count < 2 {
             let valence = view.star.get(around.ring[k]).len().min(VALENCES - 1);
-            loci.push(locus(2 * k as u16, valence as u8, r, &m.edge, m.scalar[0]));
+            locus(2 * k as u16, valence as u8, r, &m.edge, m.scalar[0]);
         }
         if count > 0 && k < around.spokes.len() {
             let next = patch.ring[if k + 1 == n { 0 } else { k + 1 }];
-            let mid = shrink(std::array::from_fn(|c| (patch.ring[k][c] + next[c]) / 2));
+            let mid = [(r[0] + next[0]) / 2, (r[1] + next[1]) / 2, (r[2] + next[2]) / 2];
             let class = (around.spokes[k].degree as usize - 3).min(DEGREES - 1) as u8;
-            loci.push(locus(2 * k as u16 + 1, class, mid, &m.face, m.scalar[1]));
+            locus(2 * k as u16 + 1, class, mid, &m.face, m.scalar[1]);
         }
     }
-    let total_sum = sums[n];
 
-    // Score the candidates.
+    // Score the candidates: what the loci say, how many neighbours each child gets, and the angle between the loci.
     pairs.clear();
     freqs.clear();
     let mut best = i32::MIN;
     let mut want = 0;
     let last = 2 * (n as u16 - 1);
-    let weights = [m.scalar[2], m.scalar[3], m.scalar[4], m.scalar[5]];
-    // What two loci share: `s1` is the sum over the ring vertices of v1, `n1` their number.
-    let score = |s1: [i32; 3], n1: usize, s2: [i32; 3], n2: usize, cos: i32, differ: i32| {
-        let (i1, i2) = (RECIPROCAL[n1], RECIPROCAL[n2]);
-        let d: [i32; 3] = std::array::from_fn(|k| ((s1[k] as i64 * i1 - s2[k] as i64 * i2) >> 16).unsigned_abs().min(4096) as i32);
-        // About the length: the largest component and 3/8 of the others.
-        let most = d[0].max(d[1]).max(d[2]);
-        let gap = (most + ((d[0] + d[1] + d[2] - most) * 3 >> 3)).min(1023);
-        let child = [n1.min(CHILD - 1) as u8, n2.min(CHILD - 1) as u8];
-        let feature = [cos as i16, differ as i16, gap as i16, (cos * cos >> 8) as i16];
-        let mut score = m.child[child[0] as usize] + m.child[child[1] as usize];
-        for k in 0..4 {
-            score += (weights[k] as i64 * feature[k] as i64 >> 8) as i32;
-        }
-        (score, child, feature)
-    };
-    if single {
-        for a in loci.iter().filter(|a| a.at & 1 == count) {
-            let from = (a.at as usize + 1) / 2;
-            let shared = a.at & 1 == 0;
-            let s1 = std::array::from_fn(|k| total_sum[k] - sums[from][k]);
-            let s2 = std::array::from_fn(|k| if shared { sums[from + 1][k] } else { sums[from][k] });
-            let (s, child, feature) = score(s1, n - from, s2, from + shared as usize, 0, 0);
-            if !C::DECODING && a.at == p {
-                want = pairs.len();
+    let bend = m.scalar[2];
+    for (i, a) in loci.iter().enumerate() {
+        // Ring vertices of v1: from the first at or behind `a` to the last at or before `b`.
+        let from = (a.at as usize + 1) / 2;
+        let mut push = |s: i32, b: u16, n1: usize, n2: usize, cos: i32| {
+            let child = [n1.min(CHILD - 1) as u8, n2.min(CHILD - 1) as u8];
+            let s = s + m.child[child[0] as usize] + m.child[child[1] as usize] + (bend * cos >> 8);
+            best = best.max(s);
+            pairs.push(Pair { p: a.at, q: b, child, cos: cos as i16 });
+            freqs.push(s as u32);
+        };
+        if single {
+            if a.at & 1 == count {
+                if !C::DECODING && a.at == p {
+                    want = i;
+                }
+                push(a.score, u16::MAX, n - from, from + (a.at & 1 == 0) as usize, 0);
             }
-            best = best.max(s + a.score);
-            pairs.push(Pair { p: a.at, q: u16::MAX, child, feature });
-            freqs.push((s + a.score) as u32);
+            continue;
         }
-    } else {
-        for (i, a) in loci.iter().enumerate() {
-            let from = (a.at as usize + 1) / 2;
-            let edge_a = a.at & 1 == 0;
-            for b in &loci[i + 1..] {
-                if (a.at & 1) + (b.at & 1) != count {
-                    continue;
-                }
-                // Ring vertices of v1: from the first at or behind `a` to the last at or before `b`.
-                let end = b.at as usize / 2 + 1;
-                let edge_b = b.at & 1 == 0;
-                let s1: [i32; 3] = std::array::from_fn(|k| sums[end][k] - sums[from][k]);
-                let n1 = end - from;
-                let n2 = n - n1 + edge_a as usize + edge_b as usize;
-                let (va, vb) = (edge_a as i32, edge_b as i32);
-                let s2 = std::array::from_fn(|k| total_sum[k] - s1[k] + va * a.ring[k] + vb * b.ring[k]);
-                let c = a.dir[0] * b.dir[0] + a.dir[1] * b.dir[1] + a.dir[2] * b.dir[2];
-                let (s, child, feature) = score(s1, n1, s2, n2, (c >> 8).clamp(-256, 256), (a.len - b.len).abs());
-                let mut s = s + a.score + b.score;
-                if open && (a.at == 0 || b.at == last) {
-                    s += m.border;
-                }
-                if !C::DECODING && a.at == p && Some(b.at) == q {
-                    want = pairs.len();
-                }
-                best = best.max(s);
-                pairs.push(Pair { p: a.at, q: b.at, child, feature });
-                freqs.push(s as u32);
+        for b in &loci[i + 1..] {
+            if count == 1 && (a.at ^ b.at) & 1 == 0 {
+                continue;
             }
+            let n1 = b.at as usize / 2 + 1 - from;
+            let n2 = n - n1 + 2 - count as usize;
+            let dot = a.dir[0] * b.dir[0] + a.dir[1] * b.dir[1] + a.dir[2] * b.dir[2];
+            let mut s = a.score + b.score;
+            if open && (a.at == 0 || b.at == last) {
+                s += m.border;
+            }
+            push(s, b.at, n1, n2, (dot >> 8).clamp(-256, 256));
         }
     }
     if pairs.is_empty() {
         return None;
     }
+    if !C::DECODING {
+        let q = q.unwrap_or(u16::MAX);
+        want = pairs.iter().position(|pair| pair.p == p && pair.q == q)?;
+    }
     let mut total = 0u32;
     for f in freqs.iter_mut() {
-        let below = ((best - *f as i32) as u32) >> 10;
+        let below = (best - *f as i32) as u32 >> 10;
         let shift = below >> 6;
         *f = if shift < 15 { (EXP[(below & 63) as usize] >> shift).max(1) } else { 1 };
         total += *f;
@@ -352,66 +324,45 @@ fn code_loci<C: Coder>(
     let chosen = coder.choose(freqs, total, want);
 
     // Follow what was seen.
-    let rate = if m.seen < 256 {
-        5
-    } else if m.seen < 2048 {
-        6
-    } else {
-        7
-    };
+    let rate = if m.seen < 256 { 5 } else if m.seen < 2048 { 6 } else { 7 };
     m.seen = m.seen.saturating_add(1);
     let inverse = (1u64 << 40) / total as u64;
     let mut mass = [0i32; 2 * super::around::MAX_FAN + 4];
     let mut children = [0i32; CHILD];
-    let mut features = [0i32; 4];
+    let mut bends = 0i32;
     let mut borders = 0;
     for (k, (pair, &f)) in pairs.iter().zip(freqs.iter()).enumerate() {
         let g = ((k == chosen) as i32) * 65536 - ((f as u64 * inverse) >> 24) as i32;
         mass[pair.p as usize] += g;
         if pair.q != u16::MAX {
             mass[pair.q as usize] += g;
-            if open && (pair.p == 0 || pair.q as usize == 2 * (n - 1)) {
+            if open && (pair.p == 0 || pair.q == last) {
                 borders += g;
             }
         }
         children[pair.child[0] as usize] += g;
         children[pair.child[1] as usize] += g;
-        for c in 0..4 {
-            features[c] += (g >> 4) * pair.feature[c] as i32 >> 4;
-        }
+        bends += g * pair.cos as i32 >> 8;
     }
     let limit = |w: i32| w.clamp(-(12 << 16), 12 << 16);
     for l in loci.iter() {
         let g = mass[l.at as usize];
-        if l.at & 1 == 0 {
-            m.edge[l.class as usize] = limit(m.edge[l.class as usize] + (g >> rate));
-            m.scalar[0] = limit(m.scalar[0] + ((g as i64 * (l.len - 256) as i64 >> 8) >> rate) as i32);
+        let (w, s) = if l.at & 1 == 0 {
+            (&mut m.edge[l.class as usize], &mut m.scalar[0])
         } else {
-            m.face[l.class as usize] = limit(m.face[l.class as usize] + (g >> rate));
-            m.scalar[1] = limit(m.scalar[1] + ((g as i64 * (l.len - 256) as i64 >> 8) >> rate) as i32);
-        }
+            (&mut m.face[l.class as usize], &mut m.scalar[1])
+        };
+        *w = limit(*w + (g >> rate));
+        *s = limit(*s + (((g as i64 * l.len as i64) >> 8) >> rate) as i32);
     }
     for (w, g) in m.child.iter_mut().zip(children) {
         *w = limit(*w + (g >> rate));
     }
-    for (w, g) in m.scalar[2..].iter_mut().zip(features) {
-        *w = limit(*w + (g >> rate));
-    }
+    m.scalar[2] = limit(m.scalar[2] + (bends >> rate));
     m.border = limit(m.border + (borders >> rate));
     let pair = pairs[chosen];
     Some((pair.p, (pair.q != u16::MAX).then_some(pair.q)))
 }
-
-/// `65536 / n`.
-const RECIPROCAL: [i64; 2 * super::around::MAX_FAN + 8] = {
-    let mut t = [0i64; 2 * super::around::MAX_FAN + 8];
-    let mut n = 1;
-    while n < t.len() {
-        t[n] = 65536 / n as i64;
-        n += 1;
-    }
-    t
-};
 
 /// The general road: a side for each element, a number of triangles for each neighbour, a number of dangling edges.
 fn code_general<C: Coder>(
