@@ -62,7 +62,7 @@ impl Default for CutModels {
             single: Bit::default(),
             faces: [[Bit::with(6000); 2]; 24],
             edge: START_EDGE,
-            face: [0; DEGREES],
+            face: START_FACE,
             child: START_CHILD,
             scalar: START_SCALAR,
             border: 0,
@@ -80,9 +80,11 @@ impl Default for CutModels {
     }
 }
 
-const START_EDGE: [i32; VALENCES] = [0; VALENCES];
-const START_CHILD: [i32; CHILD] = [0; CHILD];
-const START_SCALAR: [i32; SCALARS] = [0; SCALARS];
+/// Where the weights start: about the mean of what eight meshes ended with.
+const START_EDGE: [i32; VALENCES] = [0, 0, 0, 26214, 19661, -19661, -52429, -26214, -3277, 9830, 6554, 6554];
+const START_FACE: [i32; DEGREES] = [131072, -163840, -98304, -65536, -65536, -65536];
+const START_CHILD: [i32; CHILD] = [-196608, -196608, -131072, 19661, 65536, 58982, 19661, -13107, -32768, -26214, -19661, -13107, -13107, -13107];
+const START_SCALAR: [i32; SCALARS] = [-393216, -131072, -170394];
 
 /// Buffers reused from split to split.
 #[derive(Clone, Debug, Default)]
