@@ -5,9 +5,7 @@ use std::time::Instant;
 
 use lodestream::complex::{Faces, Star};
 use lodestream::generate;
-use lodestream::metric::{
-    BoundScratch, EdgeList, Gatherer, Patch, Scratch, WeighInput, Weigher, edge_weight, hausdorff_bound,
-};
+use lodestream::metric::{BoundScratch, Class, EdgeList, Gatherer, Patch, WeighInput, Weigher, hausdorff_bound};
 use lodestream::read::{ReadOptions, read_path};
 use lodestream::simplify::{SelectInput, SelectOptions, select};
 
@@ -83,7 +81,7 @@ fn measure(name: &str, faces: &Faces, positions: &[[f32; 3]], smoke: bool) {
     let build = started.seconds();
     println!("{name}: {} vertices, {} edges; edge list in {:.1} ms", positions.len(), edges.len(), build * 1e3);
 
-    let (mut gatherer, mut patch, mut scratch) = (Gatherer::new(), Patch::default(), Scratch::default());
+    let (mut gatherer, mut patch) = (Gatherer::new(), Patch::default());
     for round in 0..if smoke { 1 } else { 3 } {
         let started = Clock::now();
         let mut ring = 0;
@@ -95,23 +93,22 @@ fn measure(name: &str, faces: &Faces, positions: &[[f32; 3]], smoke: bool) {
         }
         let gather = started.seconds();
         gatherer.forget();
-        let started = Clock::now();
-        let (mut sum, mut folds) = (0.0, 0);
-        for a in 0..positions.len() as u32 {
-            for &b in edges.larger(a) {
-                gatherer.read(faces, &star, positions, a, b, &mut patch);
-                let weight = edge_weight(&patch, &mut scratch);
-                sum += f64::from(weight.value);
-                folds += u32::from(weight.folds);
-            }
-        }
         gatherer.forget();
-        let seconds = started.seconds();
+        let Ok(pool) = rayon::ThreadPoolBuilder::new().num_threads(1).build() else { return };
+        let (seconds, mean, folds) = pool.install(|| {
+            let mut weigher = Weigher::new(4000.0);
+            let started = Clock::now();
+            weigher.weigh(WeighInput { faces, star: &star, positions, locked: None }, None);
+            let seconds = started.seconds();
+            let ordinary = || weigher.weights().iter().filter(|w| w.class() == Class::Ordinary && !w.folds());
+            let sum: u64 = ordinary().map(|w| u64::from(w.value())).sum();
+            let mean = weigher.scale().length(1) * sum as f64 / ordinary().count() as f64;
+            (seconds, mean, weigher.weights().iter().filter(|w| w.folds()).count())
+        });
         println!(
-            "  round {round}: {:.2} M edges/s on one core (gathering alone {:.2} M/s); mean {:.4}, folds {folds}, ring {:.2}",
+            "  round {round}: {:.2} M edges/s on one core (gathering alone {:.2} M/s); mean {mean:.4}, folds {folds}, ring {:.2}",
             edges.len() as f64 / seconds / 1e6,
             edges.len() as f64 / gather / 1e6,
-            sum / edges.len() as f64,
             ring as f64 / edges.len() as f64,
         );
     }

@@ -47,6 +47,7 @@ struct Side {
 
 impl Side {
     /// Read the star of `apex`.
+    #[inline(always)]
     fn read(&mut self, faces: &Faces, star: &Star, positions: &[[f32; 3]], apex: u32) {
         self.vertices.clear();
         self.positions.clear();
@@ -128,7 +129,7 @@ impl Side {
     }
 
     /// The place of a vertex, if the star has it.
-    #[inline]
+    #[inline(always)]
     fn find(&self, x: u32) -> Option<u16> {
         if self.table.is_empty() {
             return self.vertices.iter().position(|&y| y == x).map(|at| at as u16);
@@ -137,7 +138,7 @@ impl Side {
     }
 
     /// The local number of a vertex of the star, given to it here if it has none.
-    #[inline]
+    #[inline(always)]
     fn place(&mut self, positions: &[[f32; 3]], x: u32) -> u16 {
         if let Some(at) = self.find(x) {
             return at;
@@ -154,17 +155,34 @@ impl Side {
     }
 }
 
-/// Makes patches of edges; keeps the star of the last `a`, so go through edges in their order.
-#[derive(Clone, Debug, Default)]
+/// Stars that are kept: a vertex is read once as larger end and taken from here for its other edges.
+const KEPT: usize = 256;
+
+/// Makes patches of edges; keeps the stars it read last, so go through edges in their order.
+#[derive(Clone, Debug)]
 pub struct Gatherer {
     a: Option<u32>,
     side_a: Side,
-    side_b: Side,
+    /// Stars of larger ends, each in the slot that its low bits say.
+    kept: Vec<(Option<u32>, Side)>,
     /// From places in a side to places in the ring.
     map_a: Vec<u16>,
     map_b: Vec<u16>,
     /// For each ring vertex: elements with its edge to `a`, to `b`, and triangles `(a, b, x)`.
     counts: Vec<[u32; 3]>,
+}
+
+impl Default for Gatherer {
+    fn default() -> Self {
+        Gatherer {
+            a: None,
+            side_a: Side::default(),
+            kept: vec![(None, Side::default()); KEPT],
+            map_a: Vec::new(),
+            map_b: Vec::new(),
+            counts: Vec::new(),
+        }
+    }
 }
 
 impl Gatherer {
@@ -178,6 +196,7 @@ impl Gatherer {
     ///
     /// Gives a patch of [`Class::Illegal`] with nothing else set where the two share no edge, or an element holds
     /// both in other than consecutive corners.
+    #[inline(always)]
     pub fn read(&mut self, faces: &Faces, star: &Star, positions: &[[f32; 3]], a: u32, b: u32, patch: &mut Patch) {
         patch.class = Class::Illegal;
         patch.ring.clear();
@@ -185,7 +204,13 @@ impl Gatherer {
         patch.vanishing.clear();
         patch.borders = false;
         if self.a != Some(a) {
-            self.side_a.read(faces, star, positions, a);
+            let (of, side) = &mut self.kept[a as usize % KEPT];
+            if *of == Some(a) {
+                std::mem::swap(&mut self.side_a, side);
+                *of = None;
+            } else {
+                self.side_a.read(faces, star, positions, a);
+            }
             self.a = Some(a);
         }
         let Some(b_in_a) = self.side_a.find(b) else { return };
@@ -193,27 +218,33 @@ impl Gatherer {
         if self.side_a.too_large || ab_faces + ab_strings == 0 || self.side_a.far.contains(&b_in_a) {
             return;
         }
-        self.side_b.read(faces, star, positions, b);
-        if self.side_b.too_large {
+        let (of, side_b) = &mut self.kept[b as usize % KEPT];
+        if *of != Some(b) {
+            side_b.read(faces, star, positions, b);
+            *of = Some(b);
+        }
+        if side_b.too_large {
             return;
         }
-        patch.polygons = self.side_a.polygons | self.side_b.polygons;
+        patch.polygons = self.side_a.polygons | side_b.polygons;
 
         let (pa, pb) = (positions[a as usize], positions[b as usize]);
         let half = [0.5 * (pb[0] - pa[0]), 0.5 * (pb[1] - pa[1]), 0.5 * (pb[2] - pa[2])];
         patch.half = half;
         self.join(a, b, pa, half, patch);
-        self.fans(a, b_in_a, patch);
+        self.fans(a, b, b_in_a, patch);
         patch.border_ab = ab_faces + ab_strings == 1;
-        patch.class = self.classify(ab_faces, patch);
+        patch.class = self.classify(b, ab_faces, patch);
     }
 
     /// Forget the star of the last edge: the level has changed.
     pub fn forget(&mut self) {
         self.a = None;
+        self.kept.iter_mut().for_each(|(of, _)| *of = None);
     }
 
     /// Unite the vertices of both sides into the ring, relative to the midpoint.
+    #[inline(always)]
     fn join(&mut self, a: u32, b: u32, pa: [f32; 3], half: [f32; 3], patch: &mut Patch) {
         self.map_a.clear();
         self.map_b.clear();
@@ -232,7 +263,7 @@ impl Gatherer {
             patch.ring.push(at(side.positions[i]));
             self.counts.push([side.faces[i] + side.strings[i], 0, 0]);
         }
-        let other = &self.side_b;
+        let other = &self.kept[b as usize % KEPT].1;
         for (i, &x) in other.vertices.iter().enumerate() {
             if x == a {
                 self.map_b.push(NOWHERE);
@@ -252,7 +283,8 @@ impl Gatherer {
     }
 
     /// List the triangles of the patch: all fans at `a`, and the fans at `b` of the elements without `a`.
-    fn fans(&mut self, a: u32, b_in_a: u16, patch: &mut Patch) {
+    #[inline(always)]
+    fn fans(&mut self, a: u32, b: u32, b_in_a: u16, patch: &mut Patch) {
         let side = &self.side_a;
         for e in &side.elements {
             let fans = &side.fans[e.from as usize..e.to as usize];
@@ -277,7 +309,7 @@ impl Gatherer {
                 continues = true;
             }
         }
-        let side = &self.side_b;
+        let side = &self.kept[b as usize % KEPT].1;
         let a_in_b = side.find(a).unwrap_or(NOWHERE);
         for e in &side.elements {
             // An element with both ends has them in consecutive corners, or the edge is illegal.
@@ -296,11 +328,12 @@ impl Gatherer {
     }
 
     /// What connectivity says of the class; marks borders in the ring on the way.
-    fn classify(&self, ab_faces: u32, patch: &mut Patch) -> Class {
+    #[inline(always)]
+    fn classify(&self, b: u32, ab_faces: u32, patch: &mut Patch) -> Class {
         if ab_faces == 0 {
             return Class::Dangling;
         }
-        let mut breaks = ab_faces > 1 && self.side_a.border && self.side_b.border;
+        let mut breaks = ab_faces > 1 && self.side_a.border && self.kept[b as usize % KEPT].1.border;
         for (r, &[at_a, at_b, triangles]) in patch.ring.iter_mut().zip(&self.counts) {
             // A triangle (a, b, x) is counted at both ends and leaves both.
             let after = at_a + at_b - 2 * triangles;

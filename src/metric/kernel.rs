@@ -159,16 +159,13 @@ fn distance2(x: [f32; 3], blocks: &[Block]) -> f32 {
             let h = dot(w, lane(&b.n, l));
             let plane = h * h * b.inn[l];
             // Strict, so that a segment, whose m0 and m1 are zero, is never taken for a plane.
-            let inside = (s > 0.0) & (t > 0.0) & (s + t < 1.0);
-            let d = if inside { plane } else { edges };
+            let inside = smaller(smaller(s, t), 1.0 - (s + t));
+            let d = if inside > 0.0 { plane } else { edges };
             best[l] = smaller(best[l], d);
         }
     }
-    let mut d = best[0];
-    for b in &best[1..] {
-        d = smaller(d, *b);
-    }
-    d
+    let half: [f32; 4] = std::array::from_fn(|l| smaller(best[l], best[l + 4]));
+    smaller(smaller(half[0], half[2]), smaller(half[1], half[3]))
 }
 
 /// Squared distance from `x` to the segment from `c` to `d`.
@@ -180,6 +177,7 @@ fn segment2(x: [f32; 3], c: [f32; 3], d: [f32; 3]) -> f32 {
 }
 
 /// The weight of the edge whose patch this is. See the module `weight` for what it measures.
+#[inline(always)] // so that it is compiled for the vectors of its caller
 pub fn edge_weight(patch: &Patch, scratch: &mut Scratch) -> Weight {
     match patch.class {
         Class::Illegal => Weight::ILLEGAL,
@@ -218,6 +216,7 @@ fn area_change(patch: &Patch) -> f32 {
 }
 
 /// Squared distance and whether a face folds, for a patch of [`Class::Ordinary`].
+#[inline(always)]
 fn ordinary(patch: &Patch, scratch: &mut Scratch) -> (f32, bool) {
     let b = patch.half;
     let a = scale(b, -1.0);
@@ -335,6 +334,7 @@ fn folds_triangles(before: &[Block], after: &[Block]) -> bool {
 }
 
 /// The same for polygons: their vector areas, as far as the fan shows them.
+#[inline(always)]
 fn folds_polygons(patch: &Patch, a: [f32; 3], b: [f32; 3]) -> bool {
     let mut nb = [0.0f32; 3];
     let mut na = [0.0f32; 3];
@@ -365,6 +365,7 @@ fn folds_polygons(patch: &Patch, a: [f32; 3], b: [f32; 3]) -> bool {
 }
 
 /// Squared distance between the borders before and after.
+#[inline(always)]
 fn borders(patch: &Patch, a: [f32; 3], b: [f32; 3]) -> f32 {
     let mut to_a = f32::INFINITY;
     let mut to_b = f32::INFINITY;
@@ -523,16 +524,13 @@ fn find_crossings(patch: &Patch, scratch: &mut Scratch, frame: &[[f32; 3]; 3], w
                     let t = (fc[0] * y[1] - fc[1] * y[0]) * inv;
                     let s = along * inv;
                     let z = fc[2] + t * d[2] - s * y[2];
-                    // Parallel lines give an infinity or no number: neither passes.
-                    let inside = (t > 0.0) & (t < 1.0) & (s > 0.0) & (s < 1.0);
-                    gap[l] = if inside { z * z } else { 0.0 };
+                    // Both between 0 and 1. Parallel lines give an infinity or no number: neither passes.
+                    let inside = smaller(smaller(s, 1.0 - s), smaller(t, 1.0 - t));
+                    gap[l] = if inside > 0.0 { z * z } else { 0.0 };
                     (ts[0][l], ts[1][l]) = (t, s);
                 }
-                let mut top = gap[0];
-                for g in &gap[1..] {
-                    top = larger(top, *g);
-                }
-                if top <= worst {
+                let half: [f32; 4] = std::array::from_fn(|l| larger(gap[l], gap[l + 4]));
+                if larger(larger(half[0], half[2]), larger(half[1], half[3])) <= worst {
                     continue;
                 }
                 for l in 0..LANES {
@@ -555,21 +553,25 @@ fn find_crossings(patch: &Patch, scratch: &mut Scratch, frame: &[[f32; 3]; 3], w
 }
 
 /// Raise `worst` by the middles of all spokes, both ways.
+#[inline(always)]
 fn middles(patch: &Patch, scratch: &mut Scratch, mut worst: f32) -> f32 {
     let b = patch.half;
     let a = scale(b, -1.0);
     scratch.before.iter_mut().for_each(prepare);
     let (before, after) = (&scratch.before, &scratch.after);
-    let middle = |c: [f32; 3], x: [f32; 3]| [0.5 * (c[0] + x[0]), 0.5 * (c[1] + x[1]), 0.5 * (c[2] + x[2])];
+    let zero = [0.0; 3];
     for r in &patch.ring {
-        if r.spoke_a {
-            worst = larger(worst, distance2(middle(a, r.at), after));
+        // The spoke after, or before, is part of the other patch: most middles are near enough to it.
+        for (has, c) in [(r.spoke_a, a), (r.spoke_b, b)] {
+            let middle = [0.5 * (c[0] + r.at[0]), 0.5 * (c[1] + r.at[1]), 0.5 * (c[2] + r.at[2])];
+            if has && segment2(middle, zero, r.at) > worst {
+                worst = larger(worst, distance2(middle, after));
+            }
         }
-        if r.spoke_b {
-            worst = larger(worst, distance2(middle(b, r.at), after));
-        }
-        if r.spoke_a | r.spoke_b {
-            worst = larger(worst, distance2(scale(r.at, 0.5), before));
+        let middle = scale(r.at, 0.5);
+        let near = |has: bool, c: [f32; 3]| has && segment2(middle, c, r.at) <= worst;
+        if (r.spoke_a | r.spoke_b) && !near(r.spoke_a, a) && !near(r.spoke_b, b) {
+            worst = larger(worst, distance2(middle, before));
         }
     }
     worst
