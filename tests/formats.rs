@@ -79,7 +79,7 @@ fn paths_that_are_no_meshes() {
     assert_eq!(
         read_path(&bad, &ReadOptions::default()).unwrap_err().to_string(),
         format!(
-            "{}, line 2: a face names vertex 3, but the file has 1 vertices, numbered from 1; mend the index or add the vertex",
+            "{}, line 2: a face names vertex 3, but the file has 1 vertex, numbered from 1; mend the index or add the vertex",
             bad.display()
         )
     );

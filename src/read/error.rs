@@ -5,6 +5,8 @@ use std::fmt;
 
 use thiserror::Error;
 
+use super::warning::counted;
+
 /// Where in a file something is.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Place {
@@ -88,7 +90,7 @@ pub enum ReadErrorKind {
     #[error("the gzip data is damaged: {0}; fetch the file again")]
     Gzip(String),
     /// The file ends too early.
-    #[error("the file ends inside {what}{}; it was cut, fetch it again", missing.map_or(String::new(), |m| format!(" ({m} bytes are missing)")))]
+    #[error("the file ends inside {what}{}; it was cut, fetch it again", missing.map_or(String::new(), |m| format!(" ({} missing)", counted(m, "byte", "bytes"))))]
     Truncated {
         /// What the reader was in.
         what: String,
@@ -97,7 +99,8 @@ pub enum ReadErrorKind {
     },
     /// A face, edge or point names a vertex that is not there.
     #[error(
-        "{what} names vertex {index}, but the file has {vertices} vertices, numbered from {first}; mend the index or add the vertex"
+        "{what} names vertex {index}, but the file has {}, numbered from {first}; mend the index or add the vertex",
+        counted(*vertices, "vertex", "vertices")
     )]
     IndexOutOfRange {
         /// `"a face"`, `"an edge"`, …

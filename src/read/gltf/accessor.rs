@@ -106,7 +106,7 @@ impl Accessor {
         let wanted = ["SCALAR", "VEC2", "VEC3", "VEC4"][N - 1];
         let found = text(a, "type").at(at)?.unwrap_or("nothing");
         if found != wanted {
-            let found: String = found.chars().take(12).collect();
+            let found: String = found.escape_debug().take(12).collect();
             return Err(Kind::Syntax(format!("the type is {found}, but {wanted} is needed here; mend the document")))
                 .at(at);
         }

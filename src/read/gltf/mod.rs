@@ -78,7 +78,8 @@ pub(super) fn read(bytes: &[u8], base_dir: Option<&Path>, options: &ReadOptions)
     for extension in list(&json, "extensionsRequired").at(top)? {
         let name = extension.as_str().unwrap_or("?");
         if !harmless(name) {
-            return Err(ReadErrorKind::Extension(name.to_string()).into());
+            // What stands in a file may be anything; what stands in a message is one line.
+            return Err(ReadErrorKind::Extension(name.escape_debug().take(80).collect()).into());
         }
     }
     let buffers = Buffers::new(&json, chunk, base_dir, bytes.len())?;

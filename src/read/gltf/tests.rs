@@ -209,7 +209,7 @@ fn binary_container_and_files_beside() {
     assert_eq!(
         fail(&file[..file.len() - 1]),
         format!(
-            "input, byte {}: the file ends inside the GLB (1 bytes are missing); it was cut, fetch it again",
+            "input, byte {}: the file ends inside the GLB (1 byte missing); it was cut, fetch it again",
             file.len() - 1
         )
     );
@@ -298,7 +298,7 @@ fn errors_say_where_what_and_what_to_do() {
     );
     assert_eq!(
         with("/buffers/0/byteLength", json!(60)),
-        "input, buffers[0]: the file ends inside the buffer (6 bytes are missing); it was cut, fetch it again"
+        "input, buffers[0]: the file ends inside the buffer (6 bytes missing); it was cut, fetch it again"
     );
     assert_eq!(
         with("/nodes/0", json!({"mesh": 7})),
@@ -331,4 +331,16 @@ fn instances_cannot_multiply_past_the_limit() {
     let kind = read(&doc, &limited).unwrap_err().kind;
     assert!(matches!(kind, ReadErrorKind::Memory { limit: Some(250_000), .. }), "{kind}");
     assert_eq!(gltf(&doc).mesh.vertex_count(), 8000);
+}
+
+#[test]
+fn what_a_file_says_stays_on_one_line() {
+    let mut doc = square(&[0, 1, 2], 4);
+    doc["accessors"][0]["type"] = json!("VEC\n\u{1b}[2J");
+    assert_eq!(error(&doc).lines().count(), 1);
+    doc["extensionsRequired"] = json!(["a\nb"]);
+    assert_eq!(
+        error(&doc),
+        "input: the file requires the glTF extension a\\nb, which is not supported; export it without that extension"
+    );
 }

@@ -202,7 +202,10 @@ fn header_line<'a>(
     Ok(())
 }
 
+/// A name that can stand in a message.
 fn text(name: &[u8]) -> Result<&str, Kind> {
-    std::str::from_utf8(name)
-        .map_err(|_| ReadErrorKind::Syntax(format!("the name {} is not UTF-8; mend the header", printable(name))))
+    let readable = |s: &&str| s.len() <= 200 && !s.chars().any(char::is_control);
+    std::str::from_utf8(name).ok().filter(readable).ok_or_else(|| {
+        ReadErrorKind::Syntax(format!("the name {} is not readable text; mend the header", printable(name)))
+    })
 }

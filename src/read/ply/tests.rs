@@ -183,7 +183,7 @@ fn errors_say_where_what_and_what_to_do() {
     let whole = binary(false, "float", "int", "uchar");
     assert_eq!(
         error(&whole[..whole.len() - 2]),
-        "input, byte 299: the file ends inside the data (2 bytes are missing); it was cut, fetch it again"
+        "input, byte 299: the file ends inside the data (2 bytes missing); it was cut, fetch it again"
     );
     let at = whole.len() - 8;
     let mut bad = whole.clone();
