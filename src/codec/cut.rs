@@ -83,7 +83,8 @@ impl Default for CutModels {
 /// Where the weights start: about the mean of what eight meshes ended with.
 const START_EDGE: [i32; VALENCES] = [0, 0, 0, 26214, 19661, -19661, -52429, -26214, -3277, 9830, 6554, 6554];
 const START_FACE: [i32; DEGREES] = [131072, -163840, -98304, -65536, -65536, -65536];
-const START_CHILD: [i32; CHILD] = [-196608, -196608, -131072, 19661, 65536, 58982, 19661, -13107, -32768, -26214, -19661, -13107, -13107, -13107];
+const START_CHILD: [i32; CHILD] =
+    [-196608, -196608, -131072, 19661, 65536, 58982, 19661, -13107, -32768, -26214, -19661, -13107, -13107, -13107];
 const START_SCALAR: [i32; SCALARS] = [-393216, -131072, -170394];
 
 /// Buffers reused from split to split.
@@ -326,7 +327,13 @@ fn code_loci<C: Coder>(
     let chosen = coder.choose(freqs, total, want);
 
     // Follow what was seen.
-    let rate = if m.seen < 256 { 5 } else if m.seen < 2048 { 6 } else { 7 };
+    let rate = if m.seen < 256 {
+        5
+    } else if m.seen < 2048 {
+        6
+    } else {
+        7
+    };
     m.seen = m.seen.saturating_add(1);
     let inverse = (1u64 << 40) / total as u64;
     let mut mass = [0i32; 2 * super::around::MAX_FAN + 4];

@@ -89,7 +89,8 @@ impl Patch {
         }
         // The mean square times 2^12 has its root in 1/64 step.
         let square = (sum / n.max(1)) as u64;
-        self.mean = if square < 1 << 46 { (root(square << 16) << 2) as i64 } else { (root(square) << 10) as i64 }.max(1);
+        self.mean =
+            if square < 1 << 46 { (root(square << 16) << 2) as i64 } else { (root(square) << 10) as i64 }.max(1);
         self.normal = unit(area);
         let heights: i64 = self.ring.iter().map(|&r| dot(r, self.normal).abs() >> 6).sum();
         self.height = heights / n.max(1);

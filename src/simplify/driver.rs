@@ -92,7 +92,7 @@ pub fn simplify(level: Level, options: &SimplifyOptions, progress: &(dyn Fn(u64)
         let c = coarsen(level, &star, &edges, &leaving, placement);
         let mut stored = Stored::new(&c, level, &history.vertex_slot, &history.face_slot, placement);
         exact = follow(&c, &exact, level, anchor);
-        error = super::error::follow(&c, level, &star, &error);
+        error = super::error::follow(&c, level, &star, &error, anchor);
         stored.error = error.iter().fold(0f32, |a, &b| a.max(b)) as f64;
         let old_of_new = first_of(&c);
         history.vertex_slot = old_of_new.iter().map(|&v| history.vertex_slot[v as usize]).collect();

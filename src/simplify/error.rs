@@ -1,19 +1,126 @@
 //! The error of a level: an upper bound of its distance to the input, kept per vertex.
 //!
-//! A point of a level lies on an element, and is within the largest bound of that element's vertices of the input, and
-//! the other way round. A collapse adds what it moves at most; every vertex of its patch passes its bound on, since the patch's points may
-//! now be told by other vertices.
+//! A point of a level lies on an element and is, within the largest bound of that element's vertices, at a point of the
+//! input; and the other way round for the points of the input that lie nearest to that element. Three things move a level:
+//! - precision that is deferred moves every vertex by less than half the diagonal of its cell;
+//! - a collapse moves its patch by at most the bound of `metric::bound`; the merged vertex takes that plus the largest
+//!   bound of the patch, so that every element of the patch after, which names it, is covered;
+//! - an isolated vertex that leaves is told by the nearest vertex that stays.
+//!
+//! Displayed positions are meant: the middle of the cell.
 
 use crate::complex::{Coarsened, Level, NONE, Star};
+use crate::metric::{BoundScratch, Class, Gatherer, Patch, hausdorff_bound};
+use rayon::prelude::*;
+use std::collections::HashMap;
 
-/// Bounds of the coarser level's vertices, in steps of the full level.
-pub fn follow(c: &Coarsened, fine: &Level, star: &Star, error: &[f32]) -> Vec<f32> {
+/// Splits that one task bounds.
+const CHUNK: usize = 512;
+
+/// Bounds of the coarser level's vertices, in steps of the full level, from those of the finer level.
+pub fn follow(c: &Coarsened, fine: &Level, star: &Star, error: &[f32], anchor: [i32; 3]) -> Vec<f32> {
+    let shift = c.level.shift as u32;
+    let down = shift - fine.shift as u32;
+    let half = ((1u32 << shift) - 1) as f32 / 2.0;
+    let show = |p: [i32; 3]| -> [f32; 3] { std::array::from_fn(|k| ((p[k] << shift) - anchor[k]) as f32 + half) };
+    // Half the diagonal between the middles of the cells before and after.
+    let drop =
+        if down > 0 { 3f32.sqrt() * ((1u32 << shift) - (1u32 << fine.shift)) as f32 / 2.0 * 1.000_001 } else { 0.0 };
+    let shown: Vec<[f32; 3]> = fine.positions.iter().map(|p| show(p.map(|x| x >> down))).collect();
     let mut out = vec![0f32; c.level.positions.len()];
     for (v, &w) in c.vertex.iter().enumerate() {
         if w != NONE {
-            out[w as usize] = out[w as usize].max(error[v]);
+            out[w as usize] = out[w as usize].max(error[v] + drop);
         }
     }
-    let _ = (fine, star);
+    // A bound far below what stands already need not be sharp.
+    let enough = out.iter().fold(0f32, |a, &b| a.max(b)) as f64 / 32.0;
+    let bounds: Vec<f32> = c
+        .pairs
+        .par_chunks(CHUNK)
+        .enumerate()
+        .map_init(<(Gatherer, Patch, BoundScratch)>::default, |(gatherer, patch, scratch), (chunk, pairs)| {
+            gatherer.forget();
+            let mut list = Vec::with_capacity(pairs.len());
+            for (i, &[a, b]) in pairs.iter().enumerate() {
+                let v = c.batch.vertex[chunk * CHUNK + i];
+                let (pa, pb, pv) = (shown[a as usize], shown[b as usize], show(c.level.positions[v as usize]));
+                let to_v: [f64; 3] = std::array::from_fn(|k| pv[k] as f64 - (pa[k] as f64 + pb[k] as f64) / 2.0);
+                gatherer.read(&fine.faces, star, &shown, a, b, patch);
+                let moved = if patch.class == Class::Illegal {
+                    let reach = |p: [f32; 3]| (0..3).map(|k| (pv[k] - p[k]) as f64).map(|d| d * d).sum::<f64>().sqrt();
+                    reach(pa).max(reach(pb)) * 1.000_001
+                } else {
+                    hausdorff_bound(patch, to_v, enough, scratch)
+                };
+                let around = star.get(a).iter().chain(star.get(b)).flat_map(|&f| fine.faces.get(f));
+                let worst = around.map(|&x| error[x as usize]).fold(0f32, f32::max);
+                list.push((worst + drop + moved as f32) * 1.000_001);
+            }
+            list
+        })
+        .collect::<Vec<_>>()
+        .concat();
+    for (&v, bound) in c.batch.vertex.iter().zip(bounds) {
+        out[v as usize] = out[v as usize].max(bound);
+    }
+    told_by_others(c, error, drop, &mut out);
     out
+}
+
+/// Points that left: the nearest vertex that stays takes their bound and its distance.
+fn told_by_others(c: &Coarsened, error: &[f32], drop: f32, out: &mut [f32]) {
+    if c.births.is_empty() || out.is_empty() {
+        return;
+    }
+    let shift = c.level.shift as u32;
+    let stay = &c.level.positions;
+    // A grid with about one vertex a cell.
+    let (mut lo, mut hi) = (stay[0], stay[0]);
+    for p in stay.iter().chain(&c.batch.births) {
+        for k in 0..3 {
+            lo[k] = lo[k].min(p[k]);
+            hi[k] = hi[k].max(p[k]);
+        }
+    }
+    let side = (0..3).map(|k| (hi[k] as i64 - lo[k] as i64) as f64 + 1.0).fold(1.0, f64::max);
+    let cell = (side / (stay.len() as f64).cbrt()).ceil().max(1.0) as i64;
+    let place = |p: &[i32; 3]| -> [i64; 3] { std::array::from_fn(|k| (p[k] as i64 - lo[k] as i64) / cell) };
+    let mut grid: HashMap<[i64; 3], Vec<u32>> = HashMap::new();
+    for (v, p) in stay.iter().enumerate() {
+        grid.entry(place(p)).or_default().push(v as u32);
+    }
+    let most = (side as i64 / cell) + 1;
+    for (&old, p) in c.births.iter().zip(&c.batch.births) {
+        let at = place(p);
+        let mut best: Option<(i64, u32)> = None;
+        for reach in 0..=most {
+            for x in at[0] - reach..=at[0] + reach {
+                for y in at[1] - reach..=at[1] + reach {
+                    let shell = (x - at[0]).abs() == reach || (y - at[1]).abs() == reach;
+                    let step = if shell || reach == 0 { 1 } else { 2 * reach };
+                    let mut z = at[2] - reach;
+                    while z <= at[2] + reach {
+                        for &v in grid.get(&[x, y, z]).into_iter().flatten() {
+                            let q = stay[v as usize];
+                            let d = (0..3).map(|k| (q[k] as i64 - p[k] as i64).pow(2)).sum();
+                            if best.is_none_or(|b| (d, v) < b) {
+                                best = Some((d, v));
+                            }
+                        }
+                        z += step;
+                    }
+                }
+            }
+            // Nothing in a farther shell is nearer than `reach` cells.
+            if best.is_some_and(|(d, _)| d <= (reach * cell).pow(2)) {
+                break;
+            }
+        }
+        if let Some((d, v)) = best {
+            let distance = (d as f64).sqrt() * (1u64 << shift) as f64;
+            let bound = &mut out[v as usize];
+            *bound = bound.max((distance as f32 + error[old as usize] + drop) * 1.000_001);
+        }
+    }
 }
