@@ -280,11 +280,8 @@ fn bisect(
     rows.clear();
     nodes.clear();
     for t in from {
-        let mut node = Node { corners: *t, rows: [0; 3] };
-        for i in 0..3 {
-            node.rows[i] = measure(rows, &mut known, t[i]);
-        }
-        nodes.push(node);
+        let at = t.map(|corner| measure(rows, &mut known, corner));
+        nodes.push(Node { corners: *t, rows: at });
     }
     let limit = rows.len() + BUDGET * m;
     let mut bound = 0.0f64;

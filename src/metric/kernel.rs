@@ -557,21 +557,24 @@ fn find_crossings(patch: &Patch, scratch: &mut Scratch, frame: &[[f32; 3]; 3], w
 fn middles(patch: &Patch, scratch: &mut Scratch, mut worst: f32) -> f32 {
     let b = patch.half;
     let a = scale(b, -1.0);
-    scratch.before.iter_mut().for_each(prepare);
-    let (before, after) = (&scratch.before, &scratch.after);
+    let mut complete = false;
     let zero = [0.0; 3];
     for r in &patch.ring {
         // The spoke after, or before, is part of the other patch: most middles are near enough to it.
         for (has, c) in [(r.spoke_a, a), (r.spoke_b, b)] {
             let middle = [0.5 * (c[0] + r.at[0]), 0.5 * (c[1] + r.at[1]), 0.5 * (c[2] + r.at[2])];
             if has && segment2(middle, zero, r.at) > worst {
-                worst = larger(worst, distance2(middle, after));
+                worst = larger(worst, distance2(middle, &scratch.after));
             }
         }
         let middle = scale(r.at, 0.5);
         let near = |has: bool, c: [f32; 3]| has && segment2(middle, c, r.at) <= worst;
         if (r.spoke_a | r.spoke_b) && !near(r.spoke_a, a) && !near(r.spoke_b, b) {
-            worst = larger(worst, distance2(middle, before));
+            if !complete {
+                scratch.before.iter_mut().for_each(prepare);
+                complete = true;
+            }
+            worst = larger(worst, distance2(middle, &scratch.before));
         }
     }
     worst
