@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use clap::ValueEnum;
 use lodestream::encode::{self, EncodeOptions, EncodeReport, Encoded, Progress, Stage};
 use lodestream::lattice::Quantization;
-use lodestream::read::{ReadMesh, ReadOptions};
+use lodestream::read::{self, ReadMesh, ReadOptions, Warning};
 use serde_json::{Value, json};
 use std::io::{BufWriter, Write};
 use std::path::PathBuf;
@@ -34,7 +34,7 @@ pub struct Args {
     lock_borders: bool,
     #[command(flatten)]
     weld: WeldArgs,
-    /// Leave out attributes; this version keeps geometry and connectivity only and leaves out all of them anyway
+    /// Leave out attributes without a warning; this version keeps geometry and connectivity and leaves out all others anyway
     #[arg(long, value_name = "WHAT", value_enum, value_delimiter = ',')]
     drop: Vec<Layer>,
     /// Write the new number of each vertex of the input, one per line
@@ -77,7 +77,7 @@ impl LatticeArgs {
 #[derive(clap::Args)]
 pub struct WeldArgs {
     /// Join vertices at bit-equal positions, whatever the format
-    #[arg(long, overrides_with = "no_weld", conflicts_with = "no_weld")]
+    #[arg(long, conflicts_with = "no_weld")]
     weld: bool,
     /// Never join vertices [default: join in STL, glTF, and PLY with texture coordinates per vertex]
     #[arg(long)]
@@ -140,8 +140,9 @@ pub fn run(args: &Args) -> Result<Outcome> {
         let read_options = ReadOptions { weld: args.weld.choice(), memory_limit: args.machine.memory_limit };
         let read = args.input.read(&read_options)?;
         let read_seconds = shared::seconds(start);
-        // Attributes are what a user may have asked to leave out; the rest is worth a line either way.
-        read.warnings.iter().for_each(|w| shared::warn(format!("{name}: {w}")));
+        let warnings: Vec<String> =
+            read.warnings.iter().filter(|w| !asked_for(w, &args.drop)).map(ToString::to_string).collect();
+        warnings.iter().for_each(|w| shared::warn(format!("{name}: {w}")));
         let progress = |p: Progress| bars.show(stage_name(p.stage), p.done, p.total);
         let encoded = encode::encode(&read.mesh, &options, &progress).with_context(|| name.clone())?;
         bars.finish();
@@ -153,7 +154,6 @@ pub fn run(args: &Args) -> Result<Outcome> {
         output.commit()?;
         map.map_or(Ok(()), Output::commit)?;
         let seconds = [read_seconds, shared::seconds(write_start), shared::seconds(start)];
-        let warnings: Vec<String> = read.warnings.iter().map(ToString::to_string).collect();
         if args.json {
             let mut object = account(&encoded, seconds);
             object["device"] = json!(args.device.chosen());
@@ -165,6 +165,20 @@ pub fn run(args: &Args) -> Result<Outcome> {
             shared::print(&summary(&encoded.report, encoded.bytes.len() as u64, seconds))?;
         }
         Ok(Outcome::Done)
+    })
+}
+
+/// Whether a warning tells of what the user asked to leave out.
+fn asked_for(warning: &Warning, drop: &[Layer]) -> bool {
+    let Warning::NotCarried { layer, .. } = warning else { return false };
+    drop.iter().any(|d| match d {
+        Layer::All => true,
+        Layer::Normals => *layer == read::Layer::Normals,
+        Layer::Colors => *layer == read::Layer::Colours,
+        Layer::Uvs => *layer == read::Layer::TextureCoordinates,
+        // References to images are part of the materials.
+        Layer::Images | Layer::Materials => *layer == read::Layer::Materials,
+        Layer::Tangents => *layer == read::Layer::Tangents,
     })
 }
 
