@@ -114,7 +114,9 @@ pub fn compensation(level: &Level, star: &Star, merged: &[bool], v: u32, alpha: 
         let at = c.iter().position(|&x| x == v).unwrap_or(0);
         let r = c[(at + 1) % c.len()];
         let mut area = [0i64; 3];
-        for &g in star.get(r).iter().take(64) {
+        // All of its elements or none: the order of elements is not the same in both directions.
+        let around = if star.get(r).len() > 64 { &[] } else { star.get(r) };
+        for &g in around {
             let d = level.faces.get(g);
             if d.len() < 3 || d.iter().any(|&x| merged[x as usize]) {
                 continue;

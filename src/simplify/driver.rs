@@ -81,7 +81,9 @@ pub fn simplify(level: Level, options: &SimplifyOptions, progress: &(dyn Fn(u64)
         }
         let edge_steps = mean_edge(&level.positions, &level.faces) >> 8;
         let mut shift = level.shift;
-        while !level.faces.is_empty()
+        // Borders that must not move cannot lose bits either: the tile beside this one would lose others.
+        while !options.lock_borders
+            && !level.faces.is_empty()
             && (edge_steps >> (shift - level.shift)) >= 2 * options.edge_steps as i64
             && shift < level.shift + 8
         {
