@@ -51,23 +51,23 @@ impl Around {
     #[inline]
     pub fn gather(&mut self, faces: &Faces, star: &Star, v: u32) {
         self.spokes.clear();
-        for (place, &f) in star.get(v).iter().enumerate() {
+        self.spokes.extend(star.get(v).iter().enumerate().map(|(place, &f)| {
             let c = faces.get(f);
-            let n = c.len();
-            let (next, prev) = if n == 3 {
-                if c[0] == v {
-                    (c[1], c[2])
-                } else if c[1] == v {
-                    (c[2], c[0])
+            let (next, prev) = if let &[x, y, z] = c {
+                if x == v {
+                    (y, z)
+                } else if y == v {
+                    (z, x)
                 } else {
-                    (c[0], c[1])
+                    (x, y)
                 }
             } else {
+                let n = c.len();
                 let at = c.iter().position(|&x| x == v).unwrap_or(0);
                 (c[if at + 1 == n { 0 } else { at + 1 }], c[if at == 0 { n - 1 } else { at - 1 }])
             };
-            self.spokes.push(Spoke { place: place as u32, degree: n as u32, next, prev });
-        }
+            Spoke { place: place as u32, degree: c.len() as u32, next, prev }
+        }));
     }
 
     /// Order what [`gather`](Self::gather) found: finds the shape, the fan order and the ring.
@@ -93,53 +93,35 @@ impl Around {
         if n == 0 || n > MAX_FAN || s.iter().any(|x| x.degree < 3) {
             return false;
         }
-        // A path starts where no other element ends.
-        let mut starts = 0;
-        let mut first = 0;
-        for i in 0..n {
-            let mut ends = 0;
-            for j in 0..n {
-                ends += (s[j].prev == s[i].next) as u32;
-                if j != i && s[j].next == s[i].next {
-                    return false;
-                }
+        // Forwards from the first element of the star, then backwards from it: what is left over belongs to another fan.
+        let mut done = 1;
+        while done < n {
+            let end = s[done - 1].prev;
+            let Some(j) = s[done..].iter().position(|x| x.next == end) else { break };
+            s.swap(done, done + j);
+            done += 1;
+        }
+        let closed = done == n && s[n - 1].prev == s[0].next;
+        if done < n {
+            let mut first = s[0].next;
+            let mut from = n;
+            while from > done {
+                let Some(j) = s[done..from].iter().position(|x| x.prev == first) else { return false };
+                from -= 1;
+                s.swap(from, done + j);
+                first = s[from].next;
             }
-            if ends > 1 {
-                return false;
-            }
-            if ends == 0 {
-                starts += 1;
-                first = i;
-            }
+            s.rotate_right(n - done);
         }
-        if starts > 1 {
-            return false;
+        self.ring.extend(s.iter().map(|x| x.next));
+        if !closed {
+            self.ring.push(s[n - 1].prev);
         }
-        s.swap(0, first);
-        if starts == 0 {
-            // A cycle starts at its first element in the star; `first` is 0 here.
-            let lowest = (0..n).min_by_key(|&i| s[i].place).unwrap_or(0);
-            s.swap(0, lowest);
-        }
-        for i in 1..n {
-            let Some(j) = (i..n).find(|&j| s[j].next == s[i - 1].prev) else {
-                return false;
-            };
-            s.swap(i, j);
-        }
-        let closed = s[n - 1].prev == s[0].next;
-        if closed != (starts == 0) {
+        // No neighbour twice.
+        if (1..self.ring.len()).any(|i| self.ring[..i].contains(&self.ring[i])) {
             return false;
         }
         self.shape = if closed { Shape::Closed } else { Shape::Open };
-        self.ring.extend(s.iter().map(|x| x.next));
-        if !closed {
-            let last = s[n - 1].prev;
-            if self.ring.contains(&last) {
-                return false;
-            }
-            self.ring.push(last);
-        }
         true
     }
 }

@@ -112,9 +112,11 @@ struct Locus {
 
 #[derive(Clone, Copy, Debug)]
 struct Pair {
-    p: u16,
-    q: u16,
-    child: [u8; 2],
+    /// The loci, by number; `u8::MAX` for none.
+    p: u8,
+    q: u8,
+    /// Ring vertices of the first child.
+    n1: u8,
     /// Cosine of the angle between the loci, in 1/256.
     cos: i16,
 }
@@ -274,48 +276,51 @@ fn code_loci<C: Coder>(
     pairs.clear();
     freqs.clear();
     let mut best = i32::MIN;
-    let mut want = 0;
     let last = 2 * (n as u16 - 1);
     let bend = m.scalar[2];
+    // By the number of ring vertices of v1; those of both children sum up to `both`.
+    let both = if single { n + 1 - count as usize } else { n + 2 - count as usize };
+    let mut children = [0i32; RING];
+    for n1 in 0..=both {
+        children[n1] = m.child[n1.min(CHILD - 1)] + m.child[(both - n1).min(CHILD - 1)];
+    }
     for (i, a) in loci.iter().enumerate() {
         // Ring vertices of v1: from the first at or behind `a` to the last at or before `b`.
         let from = (a.at as usize + 1) / 2;
-        let mut push = |s: i32, b: u16, n1: usize, n2: usize, cos: i32| {
-            let child = [n1.min(CHILD - 1) as u8, n2.min(CHILD - 1) as u8];
-            let s = s + m.child[child[0] as usize] + m.child[child[1] as usize] + (bend * cos >> 8);
-            best = best.max(s);
-            pairs.push(Pair { p: a.at, q: b, child, cos: cos as i16 });
-            freqs.push(s as u32);
-        };
         if single {
             if a.at & 1 == count {
-                if !C::DECODING && a.at == p {
-                    want = i;
-                }
-                push(a.score, u16::MAX, n - from, from + (a.at & 1 == 0) as usize, 0);
+                let n1 = n - from;
+                let s = a.score + children[n1];
+                best = best.max(s);
+                pairs.push(Pair { p: i as u8, q: u8::MAX, n1: n1 as u8, cos: 0 });
+                freqs.push(s as u32);
             }
             continue;
         }
-        for b in &loci[i + 1..] {
+        for (j, b) in loci.iter().enumerate().skip(i + 1) {
             if count == 1 && (a.at ^ b.at) & 1 == 0 {
                 continue;
             }
             let n1 = b.at as usize / 2 + 1 - from;
-            let n2 = n - n1 + 2 - count as usize;
-            let dot = a.dir[0] * b.dir[0] + a.dir[1] * b.dir[1] + a.dir[2] * b.dir[2];
-            let mut s = a.score + b.score;
+            let cos = (a.dir[0] * b.dir[0] + a.dir[1] * b.dir[1] + a.dir[2] * b.dir[2]) >> 8;
+            let mut s = a.score + b.score + children[n1] + (bend * cos >> 8);
             if open && (a.at == 0 || b.at == last) {
                 s += m.border;
             }
-            push(s, b.at, n1, n2, (dot >> 8).clamp(-256, 256));
+            best = best.max(s);
+            pairs.push(Pair { p: i as u8, q: j as u8, n1: n1 as u8, cos: cos as i16 });
+            freqs.push(s as u32);
         }
     }
     if pairs.is_empty() {
         return None;
     }
+    let mut want = 0;
     if !C::DECODING {
-        let q = q.unwrap_or(u16::MAX);
-        want = pairs.iter().position(|pair| pair.p == p && pair.q == q)?;
+        want = pairs.iter().position(|x| {
+            let second = if x.q == u8::MAX { None } else { Some(loci[x.q as usize].at) };
+            loci[x.p as usize].at == p && second == q
+        })?;
     }
     let mut total = 0u32;
     for f in freqs.iter_mut() {
@@ -326,36 +331,26 @@ fn code_loci<C: Coder>(
     }
     let chosen = coder.choose(freqs, total, want);
 
-    // Follow what was seen.
-    let rate = if m.seen < 256 {
-        5
-    } else if m.seen < 2048 {
-        6
-    } else {
-        7
-    };
+    // Follow what was seen: one step down the gradient of the code length.
+    let rate = if m.seen < 256 { 5 } else if m.seen < 2048 { 6 } else { 7 };
     m.seen = m.seen.saturating_add(1);
     let inverse = (1u64 << 40) / total as u64;
-    let mut mass = [0i32; 2 * super::around::MAX_FAN + 4];
-    let mut children = [0i32; CHILD];
+    let mut mass = [0i32; RING];
+    let mut children = [0i32; RING];
     let mut bends = 0i32;
     let mut borders = 0;
     for (k, (pair, &f)) in pairs.iter().zip(freqs.iter()).enumerate() {
         let g = ((k == chosen) as i32) * 65536 - ((f as u64 * inverse) >> 24) as i32;
         mass[pair.p as usize] += g;
-        if pair.q != u16::MAX {
-            mass[pair.q as usize] += g;
-            if open && (pair.p == 0 || pair.q == last) {
-                borders += g;
-            }
-        }
-        children[pair.child[0] as usize] += g;
-        children[pair.child[1] as usize] += g;
+        mass[pair.q as usize & (RING - 1)] += g;
+        children[pair.n1 as usize] += g;
         bends += g * pair.cos as i32 >> 8;
+        if open && pair.q != u8::MAX && (loci[pair.p as usize].at == 0 || loci[pair.q as usize].at == last) {
+            borders += g;
+        }
     }
     let limit = |w: i32| w.clamp(-(12 << 16), 12 << 16);
-    for l in loci.iter() {
-        let g = mass[l.at as usize];
+    for (l, &g) in loci.iter().zip(&mass) {
         let (w, s) = if l.at & 1 == 0 {
             (&mut m.edge[l.class as usize], &mut m.scalar[0])
         } else {
@@ -364,14 +359,20 @@ fn code_loci<C: Coder>(
         *w = limit(*w + (g >> rate));
         *s = limit(*s + (((g as i64 * l.len as i64) >> 8) >> rate) as i32);
     }
-    for (w, g) in m.child.iter_mut().zip(children) {
-        *w = limit(*w + (g >> rate));
+    for n1 in 0..=both {
+        for n in [n1, both - n1] {
+            let w = &mut m.child[n.min(CHILD - 1)];
+            *w = limit(*w + (children[n1] >> rate));
+        }
     }
     m.scalar[2] = limit(m.scalar[2] + (bends >> rate));
     m.border = limit(m.border + (borders >> rate));
     let pair = pairs[chosen];
-    Some((pair.p, (pair.q != u16::MAX).then_some(pair.q)))
+    Some((loci[pair.p as usize].at, (pair.q != u8::MAX).then(|| loci[pair.q as usize].at)))
 }
+
+/// Loci of a fan, and ring vertices of both children, are fewer than this.
+const RING: usize = 128;
 
 /// The general road: a side for each element, a number of triangles for each neighbour, a number of dangling edges.
 fn code_general<C: Coder>(

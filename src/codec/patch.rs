@@ -59,7 +59,7 @@ pub struct Patch {
     pub normal: [i64; 3],
     /// Root mean square length of its edges, at least 1.
     pub mean: i64,
-    /// Mean distance of its neighbours from its tangent plane.
+    /// Distance of the middle of its neighbours from its tangent plane; once ordered, their mean distance from it.
     pub height: i64,
     /// Ring vectors in the order of `around.ring`; filled by [`Patch::order`].
     pub ring: Vec<[i64; 3]>,
@@ -69,31 +69,28 @@ impl Patch {
     /// Look around `v`.
     #[inline]
     pub fn gather(&mut self, view: &View, v: u32) {
-        let p = &view.level.positions;
+        let p = &view.level.positions[..];
         self.around.gather(&view.level.faces, view.star, v);
-        self.at = p[v as usize];
-        let (mut area, mut sum, mut n) = ([0i64; 3], 0i64, 0i64);
-        self.ring.clear();
-        for s in self.around.spokes.iter().take(LOOK) {
-            let next = sub(p[s.next as usize], self.at);
-            // Squares of 54 bits, 64 of them at most, with 4 bits dropped.
-            sum += dot(next, next) + 15 >> 4;
-            n += 1;
-            self.ring.push(next);
-            if s.degree > 2 {
-                let x = cross(next, sub(p[s.prev as usize], self.at));
-                for k in 0..3 {
-                    area[k] += x[k];
-                }
+        let at = p[v as usize];
+        let (mut area, mut sum, mut square, mut n) = ([0i64; 3], [0i64; 3], 0i64, 0i64);
+        for s in self.around.spokes[..self.around.spokes.len().min(LOOK)].iter() {
+            let next = sub(p[s.next as usize], at);
+            let prev = sub(p[s.prev as usize], at);
+            // Squares of 54 bits, 64 of them at most, with 4 bits dropped. A dangling edge has no area: next × next.
+            square += (dot(next, next) + 15) >> 4;
+            let x = cross(next, prev);
+            for k in 0..3 {
+                area[k] += x[k];
+                sum[k] += next[k];
             }
+            n += 1;
         }
+        self.at = at;
         // The mean square times 2^12 has its root in 1/64 step.
-        let square = (sum / n.max(1)) as u64;
-        self.mean =
-            if square < 1 << 46 { (root(square << 16) << 2) as i64 } else { (root(square) << 10) as i64 }.max(1);
+        let square = (square / n.max(1)) as u64;
+        self.mean = if square < 1 << 46 { (root(square << 16) << 2) as i64 } else { (root(square) << 10) as i64 }.max(1);
         self.normal = unit(area);
-        let heights: i64 = self.ring.iter().map(|&r| dot(r, self.normal).abs() >> 6).sum();
-        self.height = heights / n.max(1);
+        self.height = (dot(sum, self.normal).abs() >> 6) / n.max(1);
     }
 
     /// Order the elements and list the ring.
@@ -101,6 +98,8 @@ impl Patch {
         self.around.order();
         self.ring.clear();
         self.ring.extend(self.around.ring.iter().map(|&r| sub(view.level.positions[r as usize], self.at)));
+        let n = self.ring.len().clamp(1, LOOK);
+        self.height = self.ring.iter().take(LOOK).map(|&r| dot(r, self.normal).abs() >> 6).sum::<i64>() / n as i64;
     }
 
     /// Flatness in classes: 0 is flattest; each class is twice as high over the mean edge.

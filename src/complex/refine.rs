@@ -137,13 +137,20 @@ pub fn refine(
             emit(before[f] as usize - 1, &mut faces, &mut elements);
         }
         let (a, b) = (level.faces.start[f] as usize, level.faces.start[f + 1] as usize);
-        for c in a..b {
-            let v = renumber[level.faces.corners[c] as usize];
-            match code[c] {
-                0 => faces.corners.push(v),
-                1 => faces.corners.push(v + 1),
-                2 => faces.corners.extend_from_slice(&[v, v + 1]),
-                _ => faces.corners.extend_from_slice(&[v + 1, v]),
+        let (corners, codes) = (&level.faces.corners[a..b], &code[a..b]);
+        if let (&[x, y, z], &[i, j, k]) = (corners, codes)
+            && i | j | k < 2
+        {
+            let (x, y, z) = (renumber[x as usize], renumber[y as usize], renumber[z as usize]);
+            faces.corners.extend_from_slice(&[x + i as u32, y + j as u32, z + k as u32]);
+        } else {
+            for (&v, &code) in corners.iter().zip(codes) {
+                let v = renumber[v as usize];
+                match code {
+                    0 | 1 => faces.corners.push(v + code as u32),
+                    2 => faces.corners.extend_from_slice(&[v, v + 1]),
+                    _ => faces.corners.extend_from_slice(&[v + 1, v]),
+                }
             }
         }
         faces.start.push(faces.corners.len() as u32);
