@@ -10,7 +10,7 @@ use crate::codec::points::code_points;
 use crate::codec::range;
 use crate::codec::segment::{Nonsense, Scratch, Stream};
 use crate::codec::stream::{Account, State, Task, code_segment, join, segment_range, segments};
-use crate::complex::{Batch, Faces, Level, Star, refine};
+use crate::complex::{Batch, Faces, Level, Star, Wanted, refine};
 use crate::container::{ContainerError, Event, Front, Kind, LevelInfo, Reader};
 use crate::mesh::Mesh;
 use crate::par;
@@ -93,6 +93,7 @@ pub struct Decoder {
     waiting: Vec<Vec<u8>>,
     at: Option<u32>,
     level: Level,
+    star: Star,
     parents: Vec<u32>,
     has_aside: bool,
     aside: Option<Faces>,
@@ -114,6 +115,7 @@ impl Decoder {
             waiting: Vec::new(),
             at: None,
             level: Level { positions: Vec::new(), faces: Faces::new(), shift: 0 },
+            star: Star::default(),
             parents: Vec::new(),
             has_aside: false,
             aside: None,
@@ -236,6 +238,7 @@ impl Decoder {
         code_elements(&mut run.coder, &level.positions, &mut level.faces, row.corners as usize)
             .map_err(|_| corrupt(0, "elements that contradict the header or themselves"))?;
         self.parents = vec![crate::complex::NONE; level.positions.len()];
+        self.star = Star::build(level.positions.len(), &level.faces);
         self.level = level;
         self.end_run(0)
     }
@@ -243,8 +246,7 @@ impl Decoder {
     /// The batch that leads to `next`.
     fn decode_batch(&mut self, next: u32) -> Result<(), DecodeError> {
         let (row, before) = (self.rows[next as usize], self.rows[next as usize - 1]);
-        let star = Star::build(self.level.positions.len(), &self.level.faces);
-        let view = View::new(&self.level, &star);
+        let view = View::new(&self.level, &self.star);
         let n = self.level.positions.len();
         let more =
             (row.vertices.saturating_sub(before.vertices) as u64, row.elements.saturating_sub(before.elements) as u64);
@@ -300,16 +302,18 @@ impl Decoder {
         }
         let mut touched = vec![false; self.level.faces.len()];
         for &v in &batch.vertex {
-            for &f in star.get(v) {
+            for &f in self.star.get(v) {
                 if std::mem::replace(&mut touched[f as usize], true) {
                     return Err(corrupt(next, "two splits that share an element"));
                 }
             }
         }
-        let (level, parents) =
-            refine(&self.level, &star, &batch, ((self.rows.len() as u32 - 1 - next) & 1) as i32, None);
-        self.level = level;
-        self.parents = parents;
+        let bias = ((self.rows.len() as u32 - 1 - next) & 1) as i32;
+        let more_to_come = (next as usize) + 1 < self.rows.len();
+        let refined = refine(&self.level, &self.star, &batch, bias, Wanted { star: more_to_come, element: false });
+        self.level = refined.level;
+        self.star = refined.star;
+        self.parents = refined.parent;
         self.end_run(next)
     }
 

@@ -332,7 +332,13 @@ fn code_loci<C: Coder>(
     let chosen = coder.choose(freqs, total, want);
 
     // Follow what was seen: one step down the gradient of the code length.
-    let rate = if m.seen < 256 { 5 } else if m.seen < 2048 { 6 } else { 7 };
+    let rate = if m.seen < 256 {
+        5
+    } else if m.seen < 2048 {
+        6
+    } else {
+        7
+    };
     m.seen = m.seen.saturating_add(1);
     let inverse = (1u64 << 40) / total as u64;
     let mut mass = [0i32; RING];

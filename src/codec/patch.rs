@@ -88,7 +88,8 @@ impl Patch {
         self.at = at;
         // The mean square times 2^12 has its root in 1/64 step.
         let square = (square / n.max(1)) as u64;
-        self.mean = if square < 1 << 46 { (root(square << 16) << 2) as i64 } else { (root(square) << 10) as i64 }.max(1);
+        self.mean =
+            if square < 1 << 46 { (root(square << 16) << 2) as i64 } else { (root(square) << 10) as i64 }.max(1);
         self.normal = unit(area);
         self.height = (dot(sum, self.normal).abs() >> 6) / n.max(1);
     }

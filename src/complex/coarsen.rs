@@ -40,7 +40,7 @@ pub struct Coarsened {
     pub pairs: Vec<[u32; 2]>,
     /// For each element of the coarser level its element in the finer one.
     pub element: Vec<u32>,
-    /// For each element that the batch inserts (in the order of [`super::refine::Origin::element`]) its element in the finer level.
+    /// For each element that the batch inserts (in the order of [`super::Refined::element`]) its element in the finer level.
     pub inserted: Vec<u32>,
     /// The finer vertices that the births stand for.
     pub births: Vec<u32>,

@@ -15,5 +15,5 @@ pub(crate) mod tests;
 pub use batch::{Batch, Inserted, Side, Split};
 pub use coarsen::{Coarsened, Placement, coarsen, legal};
 pub use level::{Faces, Level};
-pub use refine::{NEW, NONE, Origin, refine};
+pub use refine::{NEW, NONE, Refined, Wanted, refine};
 pub use star::Star;

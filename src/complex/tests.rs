@@ -62,8 +62,9 @@ pub(crate) fn same_cycle(a: &[u32], b: &[u32]) -> bool {
 
 /// For each vertex of what `refine` makes, the vertex of the finer level that it stands for.
 pub(crate) fn back_to_fine(fine: &Level, c: &Coarsened, bias: i32) -> Result<(), TestCaseError> {
-    let mut origin = Origin::default();
-    let (again, parent) = refine(&c.level, &c.star, &c.batch, bias, Some(&mut origin));
+    let refined = refine(&c.level, &c.star, &c.batch, bias, Wanted { star: true, element: true });
+    let (again, parent) = (&refined.level, &refined.parent);
+    prop_assert_eq!(&refined.star, &Star::build(again.positions.len(), &again.faces));
     let mut of_coarse = vec![NONE; c.level.positions.len()];
     for (v, &w) in c.vertex.iter().enumerate().rev() {
         if w != NONE {
@@ -87,7 +88,7 @@ pub(crate) fn back_to_fine(fine: &Level, c: &Coarsened, bias: i32) -> Result<(),
     prop_assert_eq!(again.faces.len(), fine.faces.len());
     let mut seen = vec![false; fine.faces.len()];
     for f in 0..again.faces.len() {
-        let e = origin.element[f];
+        let e = refined.element[f];
         let old = if e & NEW != 0 { c.inserted[(e & !NEW) as usize] } else { c.element[e as usize] };
         prop_assert!(!std::mem::replace(&mut seen[old as usize], true));
         let named: Vec<u32> = again.faces.get(f as u32).iter().map(|&v| names[v as usize]).collect();

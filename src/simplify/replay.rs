@@ -10,7 +10,7 @@ use crate::codec::points::{canonical_order, code_points};
 use crate::codec::range::{Coder, Encoder};
 use crate::codec::segment::{Nonsense, Scratch, Source};
 use crate::codec::stream::{Account, State, Task, code_segment, join, segment_range, segments};
-use crate::complex::{Batch, Inserted, Level, NEW, NONE, Origin, Side, Split, Star, refine};
+use crate::complex::{Batch, Inserted, Level, NEW, NONE, Refined, Side, Split, Star, Wanted, refine};
 use crate::par;
 use thiserror::Error;
 
@@ -110,12 +110,12 @@ pub fn replay(history: &History, slots: usize, progress: &(dyn Fn(u64) + Sync)) 
     let coarsest = history.batches.last().map_or(0.0, |b| b.error);
     out.levels.push(row(&level, coarsest));
 
+    let mut star = Star::build(level.positions.len(), &level.faces);
     let mut run = Some((coder, 0u32, level.positions.len()));
     let mut scratch = Scratch::default();
     for (b, stored) in history.batches.iter().enumerate().rev() {
         let fine_level = (history.batches.len() - b) as u32;
         let error = if b == 0 { 0.0 } else { history.batches[b - 1].error };
-        let star = Star::build(level.positions.len(), &level.faces);
         let view = View::new(&level, &star);
         let n = level.positions.len();
         let pieces = segments(n);
@@ -184,10 +184,10 @@ pub fn replay(history: &History, slots: usize, progress: &(dyn Fn(u64) + Sync)) 
             }
             batch = join(batches, &level);
         }
-        let mut origin = Origin::default();
-        let (fine, _) = refine(&level, &star, &batch, stored.placement.bias, Some(&mut origin));
-        s.descend(stored, &batch, &origin, &swaps, &birth_order, &fine);
-        level = fine;
+        let refined = refine(&level, &star, &batch, stored.placement.bias, Wanted { star: b > 0, element: true });
+        s.descend(stored, &batch, &refined, &swaps, &birth_order);
+        level = refined.level;
+        star = refined.star;
         out.levels.push(row(&level, error));
         progress(level.positions.len() as u64);
     }
@@ -227,25 +227,18 @@ impl Slots {
     }
 
     /// Go to the finer level.
-    fn descend(
-        &mut self,
-        stored: &Stored,
-        batch: &Batch,
-        origin: &Origin,
-        swaps: &[(u32, bool)],
-        birth_order: &[u32],
-        fine: &Level,
-    ) {
-        let mut vertex = Vec::with_capacity(fine.positions.len());
+    fn descend(&mut self, stored: &Stored, batch: &Batch, fine: &Refined, swaps: &[(u32, bool)], birth_order: &[u32]) {
+        let parents = &fine.parent;
+        let mut vertex = Vec::with_capacity(parents.len());
         let mut births = birth_order.iter();
         let mut splits = swaps.iter();
         let mut v = 0;
-        while v < fine.positions.len() {
-            let parent = origin.parent[v];
+        while v < parents.len() {
+            let parent = parents[v];
             if parent == NONE {
                 vertex.push(births.next().map_or(NONE, |&b| stored.births[b as usize]));
                 v += 1;
-            } else if origin.parent.get(v + 1) == Some(&parent) {
+            } else if parents.get(v + 1) == Some(&parent) {
                 if let Some(&(i, swapped)) = splits.next() {
                     let [a, b] = stored.pairs[i as usize];
                     vertex.extend_from_slice(&if swapped { [b, a] } else { [a, b] });
@@ -275,7 +268,7 @@ impl Slots {
             }
             new.extend_from_slice(&stored.edges[stored.edge_start[i] as usize..stored.edge_start[i + 1] as usize]);
         }
-        let face = origin
+        let face = fine
             .element
             .iter()
             .map(|&e| if e & NEW != 0 { new[(e & !NEW) as usize] } else { self.face[e as usize] })
