@@ -59,46 +59,47 @@ pub struct Patch {
     pub normal: [i64; 3],
     /// Root mean square length of its edges, at least 1.
     pub mean: i64,
-    /// Distance of the middle of its neighbours from its tangent plane; once ordered, their mean distance from it.
+    /// Mean distance of its neighbours from its tangent plane.
     pub height: i64,
     /// Ring vectors in the order of `around.ring`; filled by [`Patch::order`].
     pub ring: Vec<[i64; 3]>,
 }
 
 impl Patch {
-    /// Look around `v`.
+    /// Look around `v`: its elements and how long its edges are.
     #[inline]
-    pub fn gather(&mut self, view: &View, v: u32) {
+    pub fn survey(&mut self, view: &View, v: u32) {
         let p = &view.level.positions[..];
         self.around.gather(&view.level.faces, view.star, v);
-        let at = p[v as usize];
-        let (mut area, mut sum, mut square, mut n) = ([0i64; 3], [0i64; 3], 0i64, 0i64);
+        self.at = p[v as usize];
+        let (mut square, mut n) = (0i64, 0i64);
         for s in self.around.spokes[..self.around.spokes.len().min(LOOK)].iter() {
-            let next = sub(p[s.next as usize], at);
-            let prev = sub(p[s.prev as usize], at);
-            // Squares of 54 bits, 64 of them at most, with 4 bits dropped. A dangling edge has no area: next × next.
+            let next = sub(p[s.next as usize], self.at);
+            // Squares of 54 bits, 64 of them at most, with 4 bits dropped.
             square += (dot(next, next) + 15) >> 4;
-            let x = cross(next, prev);
-            for k in 0..3 {
-                area[k] += x[k];
-                sum[k] += next[k];
-            }
             n += 1;
         }
-        self.at = at;
         // The mean square times 2^12 has its root in 1/64 step.
         let square = (square / n.max(1)) as u64;
         self.mean =
             if square < 1 << 46 { (root(square << 16) << 2) as i64 } else { (root(square) << 10) as i64 }.max(1);
-        self.normal = unit(area);
-        self.height = (dot(sum, self.normal).abs() >> 6) / n.max(1);
     }
 
-    /// Order the elements and list the ring.
+    /// Look closer: order the elements, list the ring, find the normal and the height.
     pub fn order(&mut self, view: &View) {
+        let p = &view.level.positions[..];
         self.around.order();
+        let mut area = [0i64; 3];
+        for s in self.around.spokes[..self.around.spokes.len().min(LOOK)].iter() {
+            // A dangling edge has no area: next × next.
+            let x = cross(sub(p[s.next as usize], self.at), sub(p[s.prev as usize], self.at));
+            for k in 0..3 {
+                area[k] += x[k];
+            }
+        }
+        self.normal = unit(area);
         self.ring.clear();
-        self.ring.extend(self.around.ring.iter().map(|&r| sub(view.level.positions[r as usize], self.at)));
+        self.ring.extend(self.around.ring.iter().map(|&r| sub(p[r as usize], self.at)));
         let n = self.ring.len().clamp(1, LOOK);
         self.height = self.ring.iter().take(LOOK).map(|&r| dot(r, self.normal).abs() >> 6).sum::<i64>() / n as i64;
     }

@@ -24,31 +24,45 @@ struct Flags {
     split: Vec<Bit>,
 }
 
+const VALENCES: usize = 12;
+const LENGTHS: usize = 10;
+const NEIGHBOURS: usize = 4;
+
 impl Default for Flags {
     fn default() -> Self {
-        Flags { split: vec![Bit::with(14000); 10 * 8 * 7 + 1] }
+        Flags { split: vec![Bit::with(14000); VALENCES * LENGTHS * NEIGHBOURS + 1] }
     }
 }
 
 impl Flags {
+    /// Elements at the vertex, length of its edges over the mean of the level, and elements at its neighbours.
     #[inline]
     fn context(view: &View, patch: &Patch) -> usize {
-        let n = patch.around.spokes.len();
+        let spokes = &patch.around.spokes;
+        let n = spokes.len();
         if n == 0 {
-            return 10 * 8 * 7;
+            return VALENCES * LENGTHS * NEIGHBOURS;
         }
-        let ratio = (patch.mean << 4) / view.mean_edge;
-        let long = match ratio {
-            0..=7 => 0,
-            8..=10 => 1,
-            11..=13 => 2,
-            14..=16 => 3,
-            17..=20 => 4,
-            21..=25 => 5,
-            26..=33 => 6,
-            _ => 7,
+        let long = match (patch.mean << 5) / view.mean_edge {
+            0..=15 => 0,
+            16..=20 => 1,
+            21..=24 => 2,
+            25..=28 => 3,
+            29..=32 => 4,
+            33..=37 => 5,
+            38..=43 => 6,
+            44..=51 => 7,
+            52..=63 => 8,
+            _ => 9,
         };
-        (n.min(10) - 1) * 56 + long * 7 + patch.flatness()
+        let crowd: usize = spokes.iter().take(16).map(|s| view.star.get(s.next).len()).sum();
+        let near = match crowd * 4 / n.min(16) {
+            0..=20 => 0,
+            21..=23 => 1,
+            24..=25 => 2,
+            _ => 3,
+        };
+        ((n.min(VALENCES) - 1) * LENGTHS + long) * NEIGHBOURS + near
     }
 }
 
@@ -129,7 +143,7 @@ pub fn code_splits<C: Coder, S: Source>(
             continue;
         }
         let start = coder.bits();
-        patch.gather(view, v);
+        patch.survey(view, v);
         let mut delta = if C::DECODING { None } else { source.split(v, split) };
         let flag = &mut m.flags.split[Flags::context(view, patch)];
         if !coder.bit(flag, delta.is_some()) {

@@ -14,8 +14,8 @@ use crate::complex::{Batch, Inserted, Level, NEW, NONE, Refined, Side, Split, St
 use crate::par;
 use thiserror::Error;
 
-/// A run of levels that share one coder grows by at least this much (in 1/4) before it ends.
-const GROWTH: usize = 6;
+/// A run of levels that share one coder grows by at least this much (in 1/12) before it ends.
+const GROWTH: usize = 16;
 /// A run is not ended below this many vertices.
 const SMALL: usize = 256;
 
@@ -143,7 +143,7 @@ pub fn replay(history: &History, slots: usize, progress: &(dyn Fn(u64) + Sync)) 
             (swaps, birth_order) = (reader.swaps, reader.birth_order);
             batch = part;
             let fine = n + batch.len() + batch.births.len();
-            let end = b == 0 || (fine >= SMALL && fine * 4 >= *from * GROWTH) || segments(fine) > 1;
+            let end = b == 0 || (fine >= SMALL && fine * 12 >= *from * GROWTH) || segments(fine) > 1;
             if end {
                 let first = *first;
                 let coder = std::mem::take(coder);
