@@ -10,10 +10,11 @@ use crate::codec::points::code_points;
 use crate::codec::range;
 use crate::codec::segment::{Nonsense, Scratch, Stream};
 use crate::codec::stream::{Account, State, Task, code_segment, join, segment_range, segments};
-use crate::complex::{Batch, Faces, Level, Star, Wanted, refine};
+use crate::complex::{Batch, Faces, Level, Side, Star, Wanted, refine};
 use crate::container::{ContainerError, Event, Front, Kind, LevelInfo, Reader};
 use crate::mesh::Mesh;
 use crate::par;
+use std::sync::atomic::AtomicU64;
 use thiserror::Error;
 
 /// What the user chooses.
@@ -251,9 +252,11 @@ impl Decoder {
         let more =
             (row.vertices.saturating_sub(before.vertices) as u64, row.elements.saturating_sub(before.elements) as u64);
         let pieces = if self.run.is_some() { 1 } else { self.waiting.len() };
+        // Segments decode side by side: what they list together is held to the header's count.
+        let room = AtomicU64::new(more.1);
         let task = |k: usize| {
             let r = segment_range(n, k, pieces);
-            Task { view, range: (r.start, r.end), first: k == 0, more, shift: row.shift }
+            Task { view, range: (r.start, r.end), first: k == 0, more, room: &room, shift: row.shift }
         };
         let nonsense = |Nonsense(what)| corrupt(next, what);
         let batch = if let Some(run) = &mut self.run {
@@ -307,6 +310,12 @@ impl Decoder {
                     return Err(corrupt(next, "two splits that share an element"));
                 }
             }
+        }
+        let inserted = batch.triangles.len() as u64 + batch.edges.iter().map(|&e| e as u64).sum::<u64>();
+        let grown = batch.sides.iter().filter(|&&s| matches!(s, Side::Grow12 | Side::Grow21)).count() as u64;
+        let corners = grown + 2 * inserted + batch.triangles.len() as u64;
+        if (inserted, corners) != (more.1, row.corners.saturating_sub(before.corners) as u64) {
+            return Err(corrupt(next, "other counts than the header announces"));
         }
         let bias = ((self.rows.len() as u32 - 1 - next) & 1) as i32;
         let more_to_come = (next as usize) + 1 < self.rows.len();

@@ -11,6 +11,7 @@ use super::patch::{Patch, View};
 use super::range::{Bit, Coder, golomb};
 use crate::complex::placement::root;
 use crate::complex::{Inserted, Side, Split};
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// `2^(−i/64)`, of 32768.
 const EXP: [u32; 64] = [
@@ -193,7 +194,8 @@ fn fast_form(around: &Around, want: &Split, trial: &mut Split) -> Option<(u16, O
 /// Code the connectivity of the split of `v`, whose patch is ordered.
 ///
 /// Encoding, `split` is what is wanted and becomes the canonical form of it; the result tells whether the children change
-/// places. Decoding, `split` becomes what the stream says; the result is `None` when that makes no sense.
+/// places. Decoding, `split` becomes what the stream says; the result is `None` when that makes no sense. `room` is how many
+/// triangles all segments of the batch may still list on the general road, so that no list is longer than the header says.
 pub fn code_cut<C: Coder>(
     coder: &mut C,
     m: &mut CutModels,
@@ -201,6 +203,7 @@ pub fn code_cut<C: Coder>(
     view: &View,
     patch: &Patch,
     split: &mut Split,
+    room: &AtomicU64,
 ) -> Option<bool> {
     let around = &patch.around;
     let fan = around.shape != Shape::General;
@@ -214,7 +217,7 @@ pub fn code_cut<C: Coder>(
         expand(around, p, q, split);
         return Some(swap);
     }
-    code_general(coder, &mut m.general, scratch, around, split)
+    code_general(coder, &mut m.general, scratch, around, split, room)
 }
 
 fn code_loci<C: Coder>(
@@ -246,7 +249,7 @@ fn code_loci<C: Coder>(
     let scale = (1i64 << 32) / patch.mean;
     let mut locus = |at: u16, class: u8, r: [i64; 3], weights: &[i32], w_len: i32| {
         // The ring vector over the mean, in 1/256.
-        let v = [r[0] * scale >> 16, r[1] * scale >> 16, r[2] * scale >> 16];
+        let v = r.map(|c| (c * scale >> 16).clamp(-(1 << 24), 1 << 24));
         let len = root((v[0] * v[0] + v[1] * v[1] + v[2] * v[2]) as u64) as i64;
         let inverse = (1i64 << 24) / len.max(1);
         let len = len.min(1023) as i32 - 256;
@@ -387,6 +390,7 @@ fn code_general<C: Coder>(
     scratch: &mut CutScratch,
     around: &Around,
     split: &mut Split,
+    room: &AtomicU64,
 ) -> Option<bool> {
     let fan = around.shape != Shape::General;
     let trial = &mut scratch.trial;
@@ -460,8 +464,8 @@ fn code_general<C: Coder>(
         if n == 3 {
             n = n.saturating_add(golomb(coder, &mut m.many, have.wrapping_sub(3)));
         }
-        if C::DECODING && n > 1 << 16 {
-            return None;
+        if C::DECODING && n > 0 {
+            room.fetch_update(Relaxed, Relaxed, |r| r.checked_sub(n as u64)).ok()?;
         }
         let reversed =
             if C::DECODING { 0 } else { split.triangles.iter().filter(|t| t.apex == x && t.reversed).count() as u32 };
@@ -475,9 +479,6 @@ fn code_general<C: Coder>(
     let context = 2 * around.spokes.is_empty() as usize + any as usize;
     if !any || coder.bit(&mut m.edges[context], split.edges > 0) {
         edges = golomb(coder, &mut m.more_edges, split.edges.wrapping_sub(1)).saturating_add(1);
-    }
-    if edges > 1 << 16 {
-        return None;
     }
     trial.edges = edges;
     std::mem::swap(split, trial);

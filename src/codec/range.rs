@@ -6,7 +6,7 @@
 //!
 //! Invariants: after each symbol `range ≥ 2^32`; totals are at most [`MAX_TOTAL`], so that no symbol of frequency ≥ 1 loses its
 //! interval. The decoder reads zeros behind the end of its bytes and never fails on the way: [`Decoder::overrun`]
-//! tells at the end whether the stream was too short.
+//! tells, at the end or before, whether the stream was too short.
 
 use std::borrow::Cow;
 
@@ -105,6 +105,11 @@ pub trait Coder {
     /// Bits written or read so far, for accounts of bits by kind; 0 where the direction does not keep account.
     fn bits(&self) -> f64 {
         0.0
+    }
+
+    /// Whether a decoder has gone on behind the end of its bytes further than an honest stream makes it.
+    fn overrun(&self) -> bool {
+        false
     }
 }
 
@@ -263,6 +268,7 @@ impl<'a> Decoder<'a> {
     }
 
     /// Whether the reader had to go on behind the end of its bytes further than an honest stream makes it.
+    #[inline(always)]
     pub fn overrun(&self) -> bool {
         self.at > self.bytes.len() + 12
     }
@@ -270,6 +276,11 @@ impl<'a> Decoder<'a> {
 
 impl Coder for Decoder<'_> {
     const DECODING: bool = true;
+
+    #[inline(always)]
+    fn overrun(&self) -> bool {
+        Decoder::overrun(self)
+    }
 
     #[inline(always)]
     fn bit(&mut self, model: &mut Bit, _: bool) -> bool {

@@ -8,6 +8,7 @@ use super::patch::{Patch, View};
 use super::range::{Bit, Coder};
 use super::spread::{SpreadModels, code_delta};
 use crate::complex::{Batch, Split};
+use std::sync::atomic::AtomicU64;
 
 /// All adaptive models of a stream of splits. A level's segments start with the models that the first segment of
 /// the coarser level's batch ended with.
@@ -121,7 +122,7 @@ impl Source for Stream {
 }
 
 /// Code the splits of the coarser level's vertices `range`, appending them to `batch`; `budget` is the number of elements that
-/// may still appear.
+/// may still appear, `room` that of [`code_cut`].
 #[allow(clippy::too_many_arguments)]
 pub fn code_splits<C: Coder, S: Source>(
     coder: &mut C,
@@ -131,6 +132,7 @@ pub fn code_splits<C: Coder, S: Source>(
     range: std::ops::Range<u32>,
     source: &mut S,
     batch: &mut Batch,
+    room: &AtomicU64,
     budget: &mut u64,
     bits: &mut SegmentBits,
 ) -> Result<(), Nonsense> {
@@ -142,6 +144,10 @@ pub fn code_splits<C: Coder, S: Source>(
         if blocked[(v - range.start) as usize] {
             continue;
         }
+        // Behind its end a stream is all zeros: no reason to go on for as long as the header likes.
+        if coder.overrun() {
+            return Err(Nonsense("a segment that ends too early"));
+        }
         let start = coder.bits();
         patch.survey(view, v);
         let mut delta = if C::DECODING { None } else { source.split(v, split) };
@@ -151,7 +157,8 @@ pub fn code_splits<C: Coder, S: Source>(
             continue;
         }
         patch.order(view);
-        let swap = code_cut(coder, &mut m.cut, cut, view, patch, split).ok_or(Nonsense("a split without a form"))?;
+        let swap = code_cut(coder, &mut m.cut, cut, view, patch, split, room)
+            .ok_or(Nonsense("a split without a form, or more elements than the header announces"))?;
         source.settled(split, swap);
         if swap {
             delta = delta.map(|d| d.map(|c| -c));

@@ -10,6 +10,7 @@ use super::range::{Bit, Coder, golomb};
 use super::segment::{Models, Nonsense, Scratch, SegmentBits, Source, code_splits};
 use crate::complex::{Batch, Level};
 use std::ops::Range;
+use std::sync::atomic::AtomicU64;
 
 /// Vertices of the coarser level in one segment, at most.
 pub const SEGMENT: usize = 16384;
@@ -55,6 +56,8 @@ pub struct Task<'a> {
     pub first: bool,
     /// Vertices, and elements, that the header says the finer level has more.
     pub more: (u64, u64),
+    /// Triangles that all segments of the batch may still list on the general road; a decoder begins with `more.1`.
+    pub room: &'a AtomicU64,
     /// The shift of the finer level.
     pub shift: u8,
 }
@@ -102,6 +105,7 @@ pub fn code_segment<C: Coder, S: Source>(
         range.clone(),
         source,
         batch,
+        task.room,
         &mut budget,
         &mut account.splits,
     )?;

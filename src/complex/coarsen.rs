@@ -114,14 +114,20 @@ pub fn coarsen(level: &Level, star: &Star, edges: &[[u32; 2]], leaving: &[u32], 
             if k > 0 && third[k - 1].0 == x {
                 continue;
             }
-            let held = star.get(x).iter().any(|&g| {
+            // An element with such an edge is in both stars: the smaller is searched, or a hub would cost the square of its valence.
+            let holds = |&g: &u32| {
                 let d = level.faces.get(g);
                 fate[g as usize] != 1
                     && (0..d.len()).any(|i| {
                         let (p, q) = (d[i], d[(i + 1) % d.len()]);
                         (p == x && (q == a || q == b)) || (q == x && (p == a || p == b))
                     })
-            });
+            };
+            let held = if star.get(x).len() > star.get(a).len() + star.get(b).len() {
+                star.get(a).iter().chain(star.get(b)).any(holds)
+            } else {
+                star.get(x).iter().any(holds)
+            };
             if !held {
                 fate[f as usize] = 2;
             }

@@ -9,7 +9,8 @@ use super::chunk::{Chunk, ChunkInfo, Kind, check_order, memory_amount, memory_co
 use super::error::{ContainerError, Place, inconsistent};
 use super::header::Header;
 use super::{
-    KNOWN_REQUIRED, MAGIC, MAX_BODY, MEMORY_PER_CORNER, MEMORY_PER_ELEMENT, MEMORY_PER_VERTEX, VERSION, table,
+    KNOWN_REQUIRED, MAGIC, MAX_BODY, MEMORY_PER_CORNER, MEMORY_PER_ELEMENT, MEMORY_PER_NEW_VERTEX, MEMORY_PER_VERTEX,
+    VERSION, table,
 };
 
 /// The front of a file, checked: what a client needs to plan.
@@ -107,8 +108,10 @@ impl Front {
                 *w = w.saturating_add(c.memory).saturating_add(c.length);
             }
         }
-        let mut most = 0;
-        for w in &mut working {
+        let (mut most, mut before) = (0, 0);
+        for (w, row) in working.iter_mut().zip(&header.levels) {
+            *w = w.saturating_add(row.vertices.saturating_sub(before) as u64 * MEMORY_PER_NEW_VERTEX);
+            before = row.vertices;
             most = most.max(*w);
             *w = most;
         }

@@ -41,6 +41,9 @@ pub const MAX_BODY: u64 = 1 << 26;
 /// Bytes of memory that decoding takes for each vertex of the finest level asked for, that of the level before it included.
 pub const MEMORY_PER_VERTEX: u64 = 64;
 
+/// Bytes of memory that decoding takes, while it lasts, for each vertex that a level has more than the level before.
+pub const MEMORY_PER_NEW_VERTEX: u64 = 184;
+
 /// Bytes of memory that decoding takes for each element of the finest level asked for.
 pub const MEMORY_PER_ELEMENT: u64 = 8;
 

@@ -12,6 +12,7 @@ use crate::codec::segment::{Nonsense, Scratch, Source};
 use crate::codec::stream::{Account, State, Task, code_segment, join, segment_range, segments};
 use crate::complex::{Batch, Inserted, Level, NEW, NONE, Refined, Side, Split, Star, Wanted, refine};
 use crate::par;
+use std::sync::atomic::AtomicU64;
 use thiserror::Error;
 
 /// A run of levels that share one coder grows by at least this much (in 1/12) before it ends.
@@ -126,10 +127,10 @@ pub fn replay(history: &History, slots: usize, progress: &(dyn Fn(u64) + Sync)) 
             out.pieces.push(Piece { first, last: fine_level - 1, segment: None, payload: coder.finish() });
         }
         s.announce(stored, &level);
-        let more = (u64::MAX, u64::MAX);
+        let (more, room) = ((u64::MAX, u64::MAX), AtomicU64::new(u64::MAX));
         let task = |k: usize| {
             let r = segment_range(n, k, pieces);
-            Task { view, range: (r.start, r.end), first: k == 0, more, shift: stored.shift }
+            Task { view, range: (r.start, r.end), first: k == 0, more, room: &room, shift: stored.shift }
         };
         let mut swaps: Vec<(u32, bool)> = Vec::new();
         let mut birth_order: Vec<u32> = Vec::new();

@@ -426,7 +426,7 @@ fn claims_are_checked_before_memory_is_taken() {
     assert!(file.len() < 150, "{} bytes", file.len());
     let front = front(&file);
     assert_eq!(front.check_memory(0, 2 << 20), Ok(()));
-    assert_eq!(front.check_memory(1, 32 << 20), Ok(()));
+    assert_eq!(front.check_memory(1, 48 << 20), Ok(()));
     assert!(
         matches!(front.check_memory(2, 4 << 30), Err(ContainerError::MemoryLimit { limit, .. }) if limit == 4 << 30)
     );
