@@ -1,0 +1,307 @@
+//! Streams made to do harm: valid checksums around payloads, counts and tables that lie.
+//!
+//! Whatever they say, a decoder gives valid levels or an error of one line, within its memory limit. A counting allocator
+//! watches that; it counts the whole process, so this binary holds one test.
+#![cfg(all(feature = "encode", feature = "samples"))]
+
+#[path = "common/small.rs"]
+mod small;
+
+use lodestream::container::{AsideCounts, Chunk, Front, Header, Kind, Parsed, write};
+use lodestream::decode::{DecodeOptions, Decoder, Step};
+use small::{Random, file, files};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
+/// Counts what is allocated.
+struct Counting;
+
+static NOW: AtomicUsize = AtomicUsize::new(0);
+static PEAK: AtomicUsize = AtomicUsize::new(0);
+
+fn more(n: usize) {
+    let now = NOW.fetch_add(n, Relaxed) + n;
+    PEAK.fetch_max(now, Relaxed);
+}
+
+// SAFETY: every call goes to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        more(layout.size());
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        more(layout.size());
+        unsafe { System.alloc_zeroed(layout) }
+    }
+    unsafe fn realloc(&self, p: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        // Both may be there while the bytes are copied.
+        more(size);
+        NOW.fetch_sub(layout.size(), Relaxed);
+        unsafe { System.realloc(p, layout, size) }
+    }
+    unsafe fn dealloc(&self, p: *mut u8, layout: Layout) {
+        NOW.fetch_sub(layout.size(), Relaxed);
+        unsafe { System.dealloc(p, layout) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+/// A file taken apart.
+#[derive(Clone)]
+struct Parts {
+    header: Header,
+    chunks: Vec<Chunk>,
+}
+
+fn parts(bytes: &[u8]) -> Parts {
+    let Ok(Parsed::Ready(front)) = Front::parse(bytes) else { panic!("a valid file") };
+    let chunks = front
+        .chunks()
+        .iter()
+        .enumerate()
+        .map(|(k, c)| Chunk {
+            kind: c.kind,
+            first_level: c.first_level,
+            last_level: c.last_level,
+            segment: c.segment,
+            segments: c.segments,
+            memory: c.memory,
+            payload: front.payload(bytes, k).unwrap().unwrap().to_vec(),
+        })
+        .collect();
+    Parts { header: front.header().clone(), chunks }
+}
+
+fn number(r: &mut Random, near: u32) -> u32 {
+    match r.below(8) {
+        0 => near.wrapping_add(1),
+        1 => near.wrapping_sub(1),
+        2 => near.wrapping_mul(2),
+        3 => near / 2,
+        4 => r.below(20) as u32,
+        5 => r.below(1 << 14) as u32,
+        6 => (r.next() >> 32) as u32 >> r.below(32),
+        _ => near.wrapping_add(r.below(100) as u32),
+    }
+}
+
+/// Change something about a payload.
+fn damage(r: &mut Random, payload: &mut Vec<u8>) {
+    let n = payload.len();
+    match r.below(10) {
+        0 => payload.truncate(r.below(n + 1)),
+        1 => payload.iter_mut().skip(r.below(n)).for_each(|b| *b = 0),
+        2 => payload.iter_mut().skip(r.below(n)).for_each(|b| *b = 0xff),
+        3 => (0..r.below(300)).for_each(|_| payload.push(r.next() as u8)),
+        4 => {
+            let from = r.below(n);
+            payload.iter_mut().skip(from).for_each(|b| *b = r.next() as u8);
+        }
+        5 => payload.clear(),
+        6 if n > 4 => {
+            let from = r.below(n - 4);
+            payload.drain(from..from + 1 + r.below(3));
+        }
+        _ => {
+            for _ in 0..1 + r.below(3) {
+                let (k, bit) = (r.below(n), 1 << r.below(8));
+                if let Some(b) = payload.get_mut(k) {
+                    *b ^= bit;
+                }
+            }
+        }
+    }
+}
+
+/// Change something about a file.
+fn mutate(r: &mut Random, file: &mut Parts, others: &[Parts]) {
+    let level = r.below(file.header.levels.len());
+    let chunk = r.below(file.chunks.len());
+    match r.below(14) {
+        0..=5 => damage(r, &mut file.chunks[chunk].payload),
+        6 => {
+            // One count, and those behind it, so that none is fewer than the one before.
+            let which = r.below(3);
+            let row = file.header.levels[level];
+            let old = [row.vertices, row.elements, row.corners][which];
+            let new = number(r, old);
+            let keep = r.below(3) == 0;
+            for row in &mut file.header.levels[level..] {
+                let at = [&mut row.vertices, &mut row.elements, &mut row.corners];
+                let at = at.into_iter().nth(which).unwrap();
+                *at = if keep { (*at).max(new) } else { at.wrapping_add(new.wrapping_sub(old)) };
+            }
+        }
+        7 => {
+            // All counts as large as they get, the payload as it is.
+            let near = 1 << r.below(24);
+            let n = number(r, near);
+            for row in &mut file.header.levels[level..] {
+                row.vertices = row.vertices.max(n);
+                row.elements = row.elements.max(n);
+                row.corners = row.corners.max(n.saturating_mul(2 + r.below(3) as u32));
+            }
+        }
+        8 => {
+            let shift = r.below(25) as u8;
+            file.header.levels[..level].iter_mut().for_each(|row| row.shift = shift.max(row.shift));
+        }
+        9 => {
+            // More levels than there are.
+            let row = file.header.levels[level];
+            let n = 1 + r.below(40);
+            file.header.levels.splice(level..level, std::iter::repeat_n(row, n));
+            for c in &mut file.chunks {
+                c.first_level += if c.first_level as usize > level { n as u32 } else { 0 };
+                c.last_level += if c.last_level as usize >= level { n as u32 } else { 0 };
+            }
+        }
+        10 => {
+            // A payload of another chunk or file.
+            let other = &others[r.below(others.len())];
+            file.chunks[chunk].payload = other.chunks[r.below(other.chunks.len())].payload.clone();
+        }
+        11 => {
+            file.header.aside = AsideCounts { elements: number(r, 3), corners: number(r, 9) };
+            if r.below(2) == 0 && !file.chunks.iter().any(|c| c.kind == Kind::Aside) {
+                let payload = file.chunks[chunk].payload.clone();
+                file.chunks.push(Chunk::aside(file.header.full_level(), payload));
+            }
+        }
+        12 => {
+            // One chunk cut into segments or levels.
+            let c = &mut file.chunks[chunk];
+            c.kind = [Kind::Levels, Kind::Segment, Kind::Base, Kind::Other(200)][r.below(4)];
+            if c.kind == Kind::Segment && r.below(2) == 0 {
+                let of = 2 + r.below(3) as u32;
+                let c = c.clone();
+                let segments = (0..of).map(|segment| Chunk { segment, segments: of, ..c.clone() });
+                file.chunks.splice(chunk..=chunk, segments);
+            }
+        }
+        _ => {
+            // The levels of a run each in a segment of their own.
+            let c = file.chunks[chunk].clone();
+            if c.first_level < c.last_level && c.kind != Kind::Base {
+                let each = (c.first_level..=c.last_level).map(|l| Chunk::segment(l, 0, 1, c.payload.clone()));
+                file.chunks.splice(chunk..=chunk, each);
+            }
+        }
+    }
+}
+
+/// Decode under a limit; what comes out has to be valid. Returns whether all of it came, and the most memory at once.
+fn survive(bytes: &[u8], limit: u64) -> Result<(bool, usize), String> {
+    let before = NOW.load(Relaxed);
+    PEAK.store(before, Relaxed);
+    let mut decoder = Decoder::new(DecodeOptions { memory_limit: limit });
+    decoder.push(bytes);
+    let mut named = Vec::new();
+    let mut most = 0;
+    let full = loop {
+        match decoder.next_level() {
+            Ok(Step::Level(_)) => {
+                most = most.max(PEAK.load(Relaxed) - before);
+                let level = decoder.complex();
+                named.clear();
+                named.resize(level.positions.len(), u32::MAX);
+                for (f, corners) in (0u32..).zip(level.faces.iter()) {
+                    if corners.len() < 2 {
+                        return Err(format!("element {f} has {} corners", corners.len()));
+                    }
+                    for &v in corners {
+                        match named.get_mut(v as usize) {
+                            Some(last) if *last != f => *last = f,
+                            _ => return Err(format!("element {f} of level {:?} is bad at {v}", decoder.level())),
+                        }
+                    }
+                }
+                PEAK.store(NOW.load(Relaxed), Relaxed);
+            }
+            Ok(Step::NeedBytes) => return Err("it asks for more bytes".to_string()),
+            Ok(Step::Full) => break true,
+            Err(error) => {
+                if error.to_string().lines().count() != 1 {
+                    return Err(error.to_string());
+                }
+                break false;
+            }
+        }
+    };
+    most = most.max(PEAK.load(Relaxed) - before);
+    if most > limit as usize + OVERHEAD + 4 * bytes.len() {
+        return Err(format!("{most} bytes of memory at once, the limit is {limit}"));
+    }
+    Ok((full, most))
+}
+
+/// Beyond the limit: the tables of the front, the models, and the file itself a few times over.
+const OVERHEAD: usize = 4 << 20;
+
+/// Honest files under just the limit that their tables ask for.
+fn honest_files_keep_to_what_they_say() {
+    use lodestream::generate::{crumbs, point_cloud, soup, terrain};
+    let meshes = [
+        ("terrain", terrain(60_000, 1)),
+        ("points", point_cloud(100_000, 2)),
+        ("crumbs", crumbs(20_000, 3)),
+        ("soup", soup(5_000, 10_000, 4)),
+    ];
+    for (name, mesh) in meshes {
+        for bits in [10, 21] {
+            let bytes = file(&mesh, bits);
+            let Ok(Parsed::Ready(front)) = Front::parse(&bytes) else { panic!("a valid file") };
+            let limit = front.memory(front.full_level());
+            let (whole, peak) = survive(&bytes, limit).unwrap_or_else(|error| panic!("{name} at {bits} bits: {error}"));
+            eprintln!("{name} at {bits} bits: {peak} bytes at once, announced {limit}, file {}", bytes.len());
+            assert!(whole, "{name} at {bits} bits");
+            assert!(!survive(&bytes, limit - 1).unwrap().0, "{name} at {bits} bits");
+        }
+    }
+}
+
+#[test]
+fn hostile_streams_do_no_harm() {
+    honest_files_keep_to_what_they_say();
+    let mut files: Vec<(&str, Parts)> = files().into_iter().map(|(name, bytes)| (name, parts(&bytes))).collect();
+    let large = lodestream::generate::sphere(60, 0.01, 4);
+    let large = parts(&file(&large, 12));
+    assert!(large.chunks.iter().any(|c| c.segments > 1), "a file with segments");
+    let others: Vec<Parts> = files.iter().map(|(_, p)| p.clone()).collect();
+    files.retain(|(name, _)| *name != "empty");
+    let rounds: usize = std::env::var("LODESTREAM_HOSTILE_ROUNDS").ok().and_then(|s| s.parse().ok()).unwrap_or(1);
+    let mut r = Random(0x9e37_79b9_7f4a_7c15);
+    let (mut decoded, mut full, mut refused) = (0, 0, 0);
+    let mut attack = |name: &str, original: &Parts, r: &mut Random| {
+        let seed = r.0;
+        let mut file = original.clone();
+        for _ in 0..1 + r.below(3) {
+            mutate(r, &mut file, &others);
+        }
+        let Ok(bytes) = write(&file.header, &file.chunks) else {
+            refused += 1;
+            return;
+        };
+        decoded += 1;
+        for limit in [1 << 20, 64 << 20] {
+            match std::panic::catch_unwind(|| survive(&bytes, limit)) {
+                Ok(Ok(whole)) => full += whole.0 as usize,
+                Ok(Err(error)) => panic!("{name}, state {seed:#x}, limit {limit}: {error}"),
+                Err(_) => panic!("{name}, state {seed:#x}, limit {limit}: a panic"),
+            }
+        }
+    };
+    for _ in 0..2000 * rounds {
+        for (name, original) in &files {
+            attack(name, original, &mut r);
+        }
+    }
+    for _ in 0..60 * rounds {
+        attack("large", &large, &mut r);
+    }
+    eprintln!("{decoded} files decoded, {full} runs to the full level; {refused} were not written");
+    assert!(decoded > 10_000 && full > 100);
+}
