@@ -294,7 +294,7 @@ fn hostile_streams_do_no_harm() {
             }
         }
     };
-    for _ in 0..2000 * rounds {
+    for _ in 0..1500 * rounds {
         for (name, original) in &files {
             attack(name, original, &mut r);
         }
