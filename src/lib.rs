@@ -30,3 +30,8 @@ pub mod read;
 pub mod simplify;
 #[cfg(feature = "formats")]
 pub mod write;
+
+// The example of the README is a test.
+#[cfg(all(doctest, feature = "cli"))]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -170,7 +170,12 @@ pub fn run(args: &Args) -> Result<Outcome> {
 
 /// Whether a warning tells of what the user asked to leave out.
 fn asked_for(warning: &Warning, drop: &[Layer]) -> bool {
-    let Warning::NotCarried { layer, .. } = warning else { return false };
+    let layer = match warning {
+        Warning::NotCarried { layer, .. } => layer,
+        // Further properties are attributes too.
+        Warning::SkippedProperties { .. } => return drop.contains(&Layer::All),
+        _ => return false,
+    };
     drop.iter().any(|d| match d {
         Layer::All => true,
         Layer::Normals => *layer == read::Layer::Normals,
