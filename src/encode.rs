@@ -7,6 +7,7 @@ use crate::container::{self, AsideCounts, Chunk, ContainerError, ErrorBound, Hea
 use crate::lattice::{Lattice, LatticeError, Quantization};
 use crate::mesh::{Mesh, MeshError};
 use crate::simplify::{ReplayError, SimplifyOptions, replay, simplify};
+use std::collections::HashSet;
 use std::time::Instant;
 use thiserror::Error;
 
@@ -127,6 +128,8 @@ pub fn encode(
     let lattice = Lattice::choose(options.quantization, &mesh.positions)?;
     let positions = lattice.quantize(&mesh.positions)?;
     let (faces, aside) = part(mesh);
+    // What travels aside is not there before the full level: its points are told by its corners.
+    let missing = extent_aside(mesh, &faces, &aside);
     let components = components(positions.len(), mesh);
     let bounds = positions.first().map(|&first| {
         positions.iter().fold([first; 2], |[lo, hi], p| {
@@ -182,12 +185,11 @@ pub fn encode(
         levels: replayed
             .levels
             .iter()
-            .map(|&(vertices, elements, corners, shift, error)| LevelInfo {
-                vertices,
-                elements,
-                corners,
-                shift,
-                error: ErrorBound::covering(error * lattice.step + quantum, lattice.step),
+            .enumerate()
+            .map(|(l, &(vertices, elements, corners, shift, error))| {
+                let missing = if l as u32 == full_level { 0.0 } else { missing };
+                let error = ErrorBound::covering(error * lattice.step + quantum + missing, lattice.step);
+                LevelInfo { vertices, elements, corners, shift, error }
             })
             .collect(),
     };
@@ -231,6 +233,40 @@ fn part(mesh: &Mesh) -> (Faces, Faces) {
         if repeats { aside.push(f) } else { faces.push(f) }
     }
     (faces, aside)
+}
+
+/// How far the points of elements that repeat a vertex are at most from vertices, or from the rest of the mesh.
+fn extent_aside(mesh: &Mesh, faces: &Faces, aside: &Faces) -> f64 {
+    if aside.is_empty() {
+        return 0.0;
+    }
+    let mut edges: HashSet<[u32; 2]> = HashSet::new();
+    for f in aside.iter() {
+        edges.extend(segment(f));
+    }
+    let mut held: HashSet<[u32; 2]> = HashSet::new();
+    for f in faces.iter() {
+        let around = (0..f.len()).map(|i| [f[i], f[(i + 1) % f.len()]]);
+        held.extend(around.map(|[a, b]| [a.min(b), a.max(b)]).filter(|e| edges.contains(e)));
+    }
+    let distance = |a: u32, b: u32| {
+        let (p, q) = (mesh.positions[a as usize], mesh.positions[b as usize]);
+        (0..3).map(|k| (p[k] - q[k]) * (p[k] - q[k])).sum::<f64>().sqrt()
+    };
+    let reach = |f: &[u32]| match segment(f) {
+        // Half of a segment that nothing else holds.
+        Some(e) if held.contains(&e) => 0.0,
+        Some([a, b]) => distance(a, b) / 2.0,
+        // The farthest corner from the first is no nearer than any point between.
+        None => f.iter().map(|&x| distance(f[0], x)).fold(0.0, f64::max),
+    };
+    aside.iter().map(reach).fold(0.0, f64::max) * (1.0 + 1e-9)
+}
+
+/// The two vertices of an element that names no others, in order.
+fn segment(f: &[u32]) -> Option<[u32; 2]> {
+    let (a, b) = (f.iter().copied().min()?, f.iter().copied().max()?);
+    (a != b && f.iter().all(|&x| x == a || x == b)).then_some([a, b])
 }
 
 /// Connected components of `n` vertices through the elements of the mesh.

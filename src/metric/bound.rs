@@ -11,19 +11,27 @@
 //!   ring winds around it; and the ring winds around `v` once, so that is one or none.
 //! - **Bisection.** The distance to a triangle is a convex function, so over a triangle it is largest at a
 //!   corner: the farthest corner from the best single triangle of the other patch bounds it. Where that is not good enough
-//!   the triangle is cut in two, until the bound is within a quarter of a distance that is attained, or a budget is spent.
-//!   For borders, polygons, folds and everything not manifold.
+//!   the triangle is cut in two, the worst one first, until the bound is within a fifth of a distance that is attained, or a
+//!   budget is spent. For borders, polygons, folds, everything not manifold, and where heights are slanted.
 //!
-//! Polygons are the fans of triangles that `weight` describes. Arithmetic is `f64`, and what rounding can do is added.
+//! A polygon of more than three corners is taken as the triangles between its edges and the mean of its corners: unlike
+//! a fan from a corner (as `weight` has it) that does not depend on which corner comes first, which no level keeps.
+//! Arithmetic is `f64`, and what rounding can do is added.
 
 use super::weight::Patch;
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
 
 type V = [f64; 3];
 
 /// Points that bisection may measure in one direction.
-const BUDGET: usize = 64;
-/// Bisection stops where squared bound over squared attained distance is below this: a quarter more.
-const CLOSE: f64 = 1.5625;
+const BUDGET: usize = 192;
+/// Bisection stops where squared bound over squared attained distance is below this: a fifth more.
+const CLOSE: f64 = 1.44;
+/// Patches of more triangles are not bisected: the cost is quadratic.
+const BISECT_MOST: usize = 256;
+/// Heights are trusted to be near the distance where no triangle is steeper than this cosine.
+const LEVEL: f64 = 0.85;
 /// What rounding can do, relative to the size of the patch: far above the rounding of `f64`, and above that of the `f32`
 /// coordinates of the patch where they are not integers.
 const SLACK: f64 = 1.0 / (1 << 21) as f64;
@@ -37,14 +45,36 @@ pub struct BoundScratch {
     after: Vec<[V; 3]>,
     chain: Vec<[i32; 2]>,
     rows: Vec<f64>,
-    nodes: Vec<Node>,
+    nodes: BinaryHeap<Node>,
 }
 
 /// A part of a triangle: its corners and where their distances stand.
 #[derive(Clone, Copy, Debug)]
 struct Node {
+    /// Squared upper bound of its distance.
+    bound: f64,
     corners: [V; 3],
     rows: [usize; 3],
+}
+
+impl PartialEq for Node {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Node {}
+
+impl PartialOrd for Node {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Node {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.bound.total_cmp(&other.bound)
+    }
 }
 
 fn sub(a: V, b: V) -> V {
@@ -106,20 +136,48 @@ pub fn hausdorff_bound(patch: &Patch, v: V, enough: f64, scratch: &mut BoundScra
         return best;
     }
     if closed(patch, &mut scratch.chain)
-        && let Some(height) = heights(patch, [a, b, v], scratch)
+        && let Some((height, cosine)) = heights(patch, [a, b, v], scratch)
     {
-        return best.min(height + slack);
+        best = best.min(height + slack);
+        if cosine >= LEVEL {
+            return best;
+        }
+    }
+    bisected(best, slack, enough, scratch)
+}
+
+/// An upper bound of the symmetric Hausdorff distance between two sets of triangles (segments and points among them) given
+/// relative to a point near by. `motion` is such a bound known already, `enough` as for [`hausdorff_bound`].
+pub fn hausdorff_between(
+    before: &[[V; 3]],
+    after: &[[V; 3]],
+    motion: f64,
+    enough: f64,
+    scratch: &mut BoundScratch,
+) -> f64 {
+    let extent = before.iter().chain(after).flatten().map(|&p| norm(p)).fold(0.0, f64::max);
+    let slack = extent * SLACK;
+    if before.is_empty() || after.is_empty() {
+        return motion + slack;
+    }
+    scratch.before.clear();
+    scratch.before.extend_from_slice(before);
+    scratch.after.clear();
+    scratch.after.extend_from_slice(after);
+    bisected(motion + slack, slack, enough, scratch)
+}
+
+/// The better of `best` and what bisection of the patches in `scratch` finds.
+fn bisected(best: f64, slack: f64, enough: f64, scratch: &mut BoundScratch) -> f64 {
+    let BoundScratch { before, after, rows, nodes, .. } = scratch;
+    if best <= enough || before.len() > BISECT_MOST || after.len() > BISECT_MOST {
+        return best;
     }
     let floor = if enough > slack { (enough - slack) * (enough - slack) } else { 0.0 };
-    let ceiling = motion * motion;
-    let BoundScratch { before, after, rows, nodes, .. } = scratch;
+    let ceiling = best * best;
     let Some(there) = bisect(before, after, floor, 0.0, ceiling, rows, nodes) else { return best };
     let Some(back) = bisect(after, before, floor, there.1, ceiling, rows, nodes) else { return best };
-    let bisected = there.0.max(back.0).sqrt() + slack;
-    if bisected < best {
-        best = bisected;
-    }
-    best
+    best.min(there.0.max(back.0).sqrt() + slack)
 }
 
 /// Whether the patch is closed fans of triangles: every edge at `a` and `b` is run once each way, as often as needed.
@@ -148,8 +206,8 @@ fn closed(patch: &Patch, chain: &mut Vec<[i32; 2]>) -> bool {
 }
 
 /// The largest difference of heights of closed fans that project injectively along their mean normal; `None` where they
-/// do not, or too steeply to be sure.
-fn heights(patch: &Patch, [a, b, v]: [V; 3], scratch: &mut BoundScratch) -> Option<f64> {
+/// do not, or too steeply to be sure. With the cosine of the steepest triangle.
+fn heights(patch: &Patch, [a, b, v]: [V; 3], scratch: &mut BoundScratch) -> Option<(f64, f64)> {
     let survivors = patch.triangles.len();
     let mut n = [0.0; 3];
     for t in &scratch.before {
@@ -161,14 +219,16 @@ fn heights(patch: &Patch, [a, b, v]: [V; 3], scratch: &mut BoundScratch) -> Opti
         return None;
     }
     let n = n.map(|c| c / length);
-    let faces_up = |t: &[V; 3]| {
+    let mut cosine = 1.0f64;
+    let mut faces_up = |t: &[V; 3]| {
         let m = normal(t);
         let up = dot(m, n);
+        cosine = cosine.min(up / norm(m));
         let longest = norm(sub(t[1], t[0])).max(norm(sub(t[2], t[0]))).max(norm(sub(t[2], t[1])));
         // Neither steeper than 1 in 1000 nor so thin that rounding could turn it.
         up > 1e-3 * norm(m) && up > 1e-6 * longest * longest
     };
-    if !scratch.before.iter().chain(&scratch.after[..survivors]).all(faces_up) {
+    if !scratch.before.iter().chain(&scratch.after[..survivors]).all(&mut faces_up) {
         return None;
     }
     let sign = if n[2] < 0.0 { -1.0 } else { 1.0 };
@@ -234,7 +294,7 @@ fn heights(patch: &Patch, [a, b, v]: [V; 3], scratch: &mut BoundScratch) -> Opti
             }
         }
     }
-    Some(worst)
+    Some((worst, cosine))
 }
 
 /// The largest of some heights; `None` if there is none.
@@ -266,7 +326,7 @@ fn bisect(
     attained: f64,
     ceiling: f64,
     rows: &mut Vec<f64>,
-    nodes: &mut Vec<Node>,
+    nodes: &mut BinaryHeap<Node>,
 ) -> Option<(f64, f64)> {
     let m = to.len();
     let mut known = attained;
@@ -279,22 +339,24 @@ fn bisect(
     };
     rows.clear();
     nodes.clear();
+    let single = |rows: &[f64], [r0, r1, r2]: [usize; 3]| {
+        let farthest = |j: usize| rows[r0 + j].max(rows[r1 + j]).max(rows[r2 + j]);
+        (0..m).map(farthest).fold(f64::INFINITY, f64::min)
+    };
     for t in from {
         let at = t.map(|corner| measure(rows, &mut known, corner));
-        nodes.push(Node { corners: *t, rows: at });
+        nodes.push(Node { bound: single(rows, at), corners: *t, rows: at });
     }
     let limit = rows.len() + BUDGET * m;
     let mut bound = 0.0f64;
+    // The worst first: where it is good enough or the budget is spent, so are all others.
     while let Some(node) = nodes.pop() {
         if known * CLOSE >= ceiling {
             return None;
         }
-        let [r0, r1, r2] = node.rows;
-        let farthest = |j: usize| rows[r0 + j].max(rows[r1 + j]).max(rows[r2 + j]);
-        let best = (0..m).map(farthest).fold(f64::INFINITY, f64::min);
-        if best <= bound.max(floor).max(known * CLOSE) || rows.len() >= limit {
-            bound = bound.max(best);
-            continue;
+        if node.bound <= floor.max(known * CLOSE) || rows.len() >= limit {
+            bound = node.bound;
+            break;
         }
         // Cut the longest edge.
         let length = |i: usize| {
@@ -315,6 +377,7 @@ fn bisect(
             let mut half = node;
             half.corners[end] = middle;
             half.rows[end] = row;
+            half.bound = node.bound.min(single(rows, half.rows));
             nodes.push(half);
         }
     }

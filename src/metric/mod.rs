@@ -11,7 +11,7 @@ mod kernel;
 mod weigher;
 mod weight;
 
-pub use bound::{BoundScratch, hausdorff_bound};
+pub use bound::{BoundScratch, hausdorff_between, hausdorff_bound};
 pub use edges::{EdgeList, neighbours};
 pub use fixed::{Fixed, Scale};
 pub use gather::Gatherer;
