@@ -57,7 +57,7 @@ fn every_dataset_comes_back_through_verify() {
                 file
             }
         };
-        // The paths may hold spaces, which the helper's words may not.
+        // The paths may hold spaces, which the words of a command here may not.
         let link = scratch.path(source.file_name().unwrap().to_str().unwrap());
         let source = if source.to_str().is_some_and(|p| p.contains(char::is_whitespace)) {
             std::fs::copy(&source, &link).unwrap();

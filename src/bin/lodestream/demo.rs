@@ -22,7 +22,7 @@ use std::time::Instant;
 #[command(after_help = "\
 Examples:
   lodestream demo
-  lodestream demo --vertices 500000 --output /tmp/demo")]
+  lodestream demo --vertices 500000 --output demo")]
 pub struct Args {
     /// The folder for the mesh, the .lods file and the pictures; made where it is missing
     #[arg(short, long, value_name = "FOLDER", default_value = "lodestream-demo")]

@@ -1,7 +1,7 @@
 //! A progress bar for people: stage, throughput, time left. Silent where standard error is no terminal.
 
 use crate::shared;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::sync::Mutex;
 
 /// Shows the stage at hand.
@@ -28,9 +28,13 @@ impl Bars {
                 bar.finish_and_clear();
             }
             let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr());
-            let style = "{msg:10} {wide_bar:.cyan/blue} {human_pos}/{human_len} vertices, {per_sec:>12}, {eta} left";
+            let style = "{msg:10} {wide_bar:.cyan/blue} {human_pos}/{human_len} vertices, {speed}, {eta} left";
             // The template is a constant; should it ever be wrong, the default bar still shows.
-            bar.set_style(ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar()));
+            let style = ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar());
+            bar.set_style(style.with_key("speed", |state: &ProgressState, out: &mut dyn std::fmt::Write| {
+                // A bar that cannot be written is no reason to stop.
+                let _ = write!(out, "{}/s", shared::thousands(state.per_sec() as u64));
+            }));
             bar.set_message(stage);
             *current = Some((stage, bar));
         }
