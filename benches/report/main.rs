@@ -165,7 +165,7 @@ pub fn target(name: &str) -> Option<(f64, f64)> {
 
 fn head() -> String {
     format!(
-        "{:<32} {:>9} {:>9} {:>8} {:>12} {:>7} {:>7} {:>12} {:>9} {:>9} {:>9} {:>9}",
+        "{:<32} {:>9} {:>9} {:>8} {:>12} {:>7} {:>7} {:>12} {:>9} {:>9} {:>9} {:>9} {:>9}",
         "dataset",
         "vertices",
         "bytes",
@@ -175,6 +175,7 @@ fn head() -> String {
         "at 10 %",
         "bound/meas.",
         "enc kv/s",
+        "per cpu s",
         "dec kv/s",
         "enc B/v",
         "dec B/v"
@@ -185,7 +186,7 @@ fn line(row: &Measured) -> String {
     let number = |value: Option<f64>, digits: usize| value.map_or("–".to_string(), |v| format!("{v:.digits$}"));
     let goal = target(&row.name).map_or(String::new(), |(must, aim)| format!("{must}/{aim}"));
     format!(
-        "{:<32} {:>9} {:>9} {:>8} {goal:>12} {:>7} {:>7} {:>12} {:>9} {:>9} {:>9} {:>9}",
+        "{:<32} {:>9} {:>9} {:>8} {goal:>12} {:>7} {:>7} {:>12} {:>9} {:>9} {:>9} {:>9} {:>9}",
         row.name,
         row.vertices,
         row.bytes,
@@ -194,6 +195,7 @@ fn line(row: &Measured) -> String {
         number(row.prefix_rate().map(|p| p.1), 2),
         number(row.bound_over_measured(), 2),
         number(row.encode_speed().map(|s| s / 1e3), 0),
+        number(row.encode_cpu_speed().map(|s| s / 1e3), 0),
         number(row.decode_speed().map(|s| s / 1e3), 0),
         number(row.encode_memory_per_vertex(), 0),
         number(row.decode_memory_per_vertex(), 0),

@@ -118,8 +118,7 @@ fn check_extension(path: &Path) -> Result<()> {
 
 /// The options of the decoder for a memory limit.
 pub fn options(memory_limit: Option<u64>) -> DecodeOptions {
-    let default = DecodeOptions::default();
-    DecodeOptions { memory_limit: memory_limit.unwrap_or(default.memory_limit), ..default }
+    memory_limit.map_or_else(DecodeOptions::default, |memory_limit| DecodeOptions { memory_limit })
 }
 
 pub fn run(args: &Args) -> Result<Outcome> {
@@ -170,7 +169,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
                 "faces": mesh.face_count(),
                 "error": error,
                 "bytes_read": stream.bytes_read(),
-                "seconds": { "read": read, "decode": decode, "write": write_seconds, "total": total },
+                "seconds": { "read": read, "decode": decode, "write": write_seconds, "total": total, "cpu": shared::cpu_seconds() },
                 "peak_memory_bytes": shared::peak_memory(),
                 "threads": threads,
                 "warnings": warnings,

@@ -158,6 +158,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
             let mut object = account(&encoded, seconds);
             object["device"] = json!(args.device.chosen());
             object["threads"] = json!(threads);
+            object["seconds"]["cpu"] = json!(shared::cpu_seconds());
             object["peak_memory_bytes"] = json!(shared::peak_memory());
             object["warnings"] = json!(warnings);
             shared::print_json(&object)?;
