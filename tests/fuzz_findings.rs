@@ -1,6 +1,9 @@
 //! Replays every file under `fuzz/findings/<target>/` through its reader: what was trouble once stays mended.
 #![cfg(feature = "formats")]
 
+#[path = "common/repair.rs"]
+mod repair;
+
 use std::fs;
 use std::path::Path;
 
@@ -39,6 +42,25 @@ fn findings_of_the_readers_stay_mended() {
             }
             replayed += 1;
         }
+    }
+    assert!(replayed > 0, "no findings in {}", folder.display());
+}
+
+#[test]
+fn findings_of_the_decoder_stay_mended() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/findings/decode");
+    if !folder.exists() {
+        eprintln!("skipped: findings_of_the_decoder_stay_mended (there is no {})", folder.display());
+        return;
+    }
+    let mut replayed = 0;
+    for entry in fs::read_dir(&folder).unwrap() {
+        let mut bytes = fs::read(entry.unwrap().path()).unwrap();
+        repair::decode(&bytes);
+        if repair::repair(&mut bytes).is_some() {
+            repair::decode(&bytes);
+        }
+        replayed += 1;
     }
     assert!(replayed > 0, "no findings in {}", folder.display());
 }
