@@ -53,6 +53,8 @@ pub fn mean_edge(positions: &[[i32; 3]], faces: &Faces) -> i64 {
 pub struct Patch {
     /// Its elements.
     pub around: Around,
+    /// The vertex itself.
+    pub vertex: u32,
     /// Where it lies.
     pub at: [i32; 3],
     /// Unit normal, 0 where there is none.
@@ -70,7 +72,8 @@ impl Patch {
     #[inline]
     pub fn survey(&mut self, view: &View, v: u32) {
         let p = &view.level.positions[..];
-        self.around.gather(&view.level.faces, view.star, v);
+        self.around.gather(&view.level.faces, view.star, v, false);
+        self.vertex = v;
         self.at = p[v as usize];
         let (mut square, mut n) = (0i64, 0i64);
         for s in self.around.spokes[..self.around.spokes.len().min(LOOK)].iter() {
@@ -88,6 +91,9 @@ impl Patch {
     /// Look closer: order the elements, list the ring, find the normal and the height.
     pub fn order(&mut self, view: &View) {
         let p = &view.level.positions[..];
+        if self.around.open {
+            self.around.gather(&view.level.faces, view.star, self.vertex, true);
+        }
         self.around.order();
         let mut area = [0i64; 3];
         for s in self.around.spokes[..self.around.spokes.len().min(LOOK)].iter() {

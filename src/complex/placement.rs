@@ -81,7 +81,7 @@ pub fn sub(a: [i32; 3], b: [i32; 3]) -> [i64; 3] {
 /// What curvature compensation adds to the midpoint at `v`: `alpha/256 · o · N`.
 ///
 /// `o` is the mean over the ring of `(r − c)·n_r`, with `c` the ring's centroid and `n_r` the unit normal at `r` from its
-/// elements that name no vertex of `merged`; `N` is the direction of the mean normal. `level` is the coarser level, in which `v` stands
+/// elements of at most 64 corners that name no vertex of `merged`; `N` is the direction of the mean normal. `level` is the coarser level, in which `v` stands
 /// for both children; nothing here depends on where `v` lies.
 pub fn compensation(level: &Level, star: &Star, merged: &[bool], v: u32, alpha: u8) -> [i32; 3] {
     if alpha == 0 {
@@ -118,7 +118,8 @@ pub fn compensation(level: &Level, star: &Star, merged: &[bool], v: u32, alpha: 
         let around = if star.get(r).len() > 64 { &[] } else { star.get(r) };
         for &g in around {
             let d = level.faces.get(g);
-            if d.len() < 3 || d.iter().any(|&x| merged[x as usize]) {
+            // Looking through large elements from every corner would cost the square of their size.
+            if !(3..=64).contains(&d.len()) || d.iter().any(|&x| merged[x as usize]) {
                 continue;
             }
             let at = d.iter().position(|&x| x == r).unwrap_or(0);
