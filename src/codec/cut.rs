@@ -94,6 +94,7 @@ pub struct CutScratch {
     loci: Vec<Locus>,
     pairs: Vec<Pair>,
     freqs: Vec<u32>,
+    cosines: Vec<i32>,
     trial: Split,
     attach: Vec<(bool, bool, u32, u8)>,
 }
@@ -243,7 +244,7 @@ fn code_loci<C: Coder>(
     }
 
     // Score the loci.
-    let CutScratch { loci, pairs, freqs, .. } = scratch;
+    let CutScratch { loci, pairs, freqs, cosines, .. } = scratch;
     loci.clear();
     let n = around.ring.len();
     let scale = (1i64 << 32) / patch.mean;
@@ -278,7 +279,6 @@ fn code_loci<C: Coder>(
     // Score the candidates: what the loci say, how many neighbours each child gets, and the angle between the loci.
     pairs.clear();
     freqs.clear();
-    let mut best = i32::MIN;
     let last = 2 * (n as u16 - 1);
     let bend = m.scalar[2];
     // By the number of ring vertices of v1; those of both children sum up to `both`.
@@ -287,49 +287,78 @@ fn code_loci<C: Coder>(
     for n1 in 0..=both {
         children[n1] = m.child[n1.min(CHILD - 1)] + m.child[(both - n1).min(CHILD - 1)];
     }
-    for (i, a) in loci.iter().enumerate() {
-        // Ring vertices of v1: from the first at or behind `a` to the last at or before `b`.
-        let from = (a.at as usize + 1) / 2;
-        if single {
-            if a.at & 1 == count {
-                let n1 = n - from;
-                let s = a.score + children[n1];
-                best = best.max(s);
-                pairs.push(Pair { p: i as u8, q: u8::MAX, n1: n1 as u8, cos: 0 });
-                freqs.push(s as u32);
+    // Loci of one kind in rows: (0, 1), (0, 2), …, (1, 2), …; so nothing need be kept of a pair but its cosine.
+    let rows = !single && count != 1;
+    // In a row, v1 has this many ring vertices at least.
+    let fewest = if count == 0 { 2 } else { 1 };
+    if rows {
+        let size = loci.len() * loci.len().saturating_sub(1) / 2;
+        freqs.resize(size, 0);
+        cosines.clear();
+        cosines.resize(size, 0);
+        let (mut scores, mut cosines) = (freqs.as_mut_slice(), cosines.as_mut_slice());
+        for (i, a) in loci.iter().enumerate() {
+            let others = &loci[i + 1..];
+            let (row, scores_left) = std::mem::take(&mut scores).split_at_mut(others.len());
+            let (angles, cosines_left) = std::mem::take(&mut cosines).split_at_mut(others.len());
+            for (((score, angle), b), child) in row.iter_mut().zip(&mut *angles).zip(others).zip(&children[fewest..]) {
+                let cos = (a.dir[0] * b.dir[0] + a.dir[1] * b.dir[1] + a.dir[2] * b.dir[2]) >> 8;
+                *angle = cos;
+                *score = (a.score + b.score + child + (bend * cos >> 8)) as u32;
             }
-            continue;
+            if open && count == 0 {
+                let bordering = if i == 0 { 0 } else { others.len().saturating_sub(1) };
+                for score in &mut row[bordering..] {
+                    *score = score.wrapping_add(m.border as u32);
+                }
+            }
+            (scores, cosines) = (scores_left, cosines_left);
         }
-        for (j, b) in loci.iter().enumerate().skip(i + 1) {
-            if count == 1 && (a.at ^ b.at) & 1 == 0 {
+    } else {
+        for (i, a) in loci.iter().enumerate() {
+            // Ring vertices of v1: from the first at or behind `a` to the last at or before `b`.
+            let from = (a.at as usize + 1) / 2;
+            if single {
+                if a.at & 1 == count {
+                    let n1 = n - from;
+                    pairs.push(Pair { p: i as u8, q: u8::MAX, n1: n1 as u8, cos: 0 });
+                    freqs.push((a.score + children[n1]) as u32);
+                }
                 continue;
             }
-            let n1 = b.at as usize / 2 + 1 - from;
-            let cos = (a.dir[0] * b.dir[0] + a.dir[1] * b.dir[1] + a.dir[2] * b.dir[2]) >> 8;
-            let mut s = a.score + b.score + children[n1] + (bend * cos >> 8);
-            if open && (a.at == 0 || b.at == last) {
-                s += m.border;
+            for (j, b) in loci.iter().enumerate().skip(i + 1) {
+                if (a.at ^ b.at) & 1 == 0 {
+                    continue;
+                }
+                let n1 = b.at as usize / 2 + 1 - from;
+                let cos = (a.dir[0] * b.dir[0] + a.dir[1] * b.dir[1] + a.dir[2] * b.dir[2]) >> 8;
+                let mut s = a.score + b.score + children[n1] + (bend * cos >> 8);
+                if open && (a.at == 0 || b.at == last) {
+                    s += m.border;
+                }
+                pairs.push(Pair { p: i as u8, q: j as u8, n1: n1 as u8, cos: cos as i16 });
+                freqs.push(s as u32);
             }
-            best = best.max(s);
-            pairs.push(Pair { p: i as u8, q: j as u8, n1: n1 as u8, cos: cos as i16 });
-            freqs.push(s as u32);
         }
     }
-    if pairs.is_empty() {
+    if freqs.is_empty() {
         return None;
     }
     let mut want = 0;
     if !C::DECODING {
-        want = pairs.iter().position(|x| {
-            let second = if x.q == u8::MAX { None } else { Some(loci[x.q as usize].at) };
-            loci[x.p as usize].at == p && second == q
-        })?;
+        let find = |at: u16| loci.iter().position(|l| l.at == at);
+        let (i, j) = (find(p)?, q.map_or(Some(usize::MAX), find)?);
+        want = if rows {
+            i * (2 * loci.len() - i - 1) / 2 + (j - i - 1)
+        } else {
+            pairs.iter().position(|x| x.p as usize == i && (x.q as usize == j || single))?
+        };
     }
+    let best = freqs.iter().fold(i32::MIN, |best, &f| best.max(f as i32));
     let mut total = 0u32;
     for f in freqs.iter_mut() {
         let below = (best - *f as i32) as u32 >> 10;
-        let shift = below >> 6;
-        *f = if shift < 15 { (EXP[(below & 63) as usize] >> shift).max(1) } else { 1 };
+        *f = (EXP[(below & 63) as usize] >> (below >> 6).min(31)).max(1);
         total += *f;
     }
     let chosen = coder.choose(freqs, total, want);
@@ -345,18 +374,57 @@ fn code_loci<C: Coder>(
     m.seen = m.seen.saturating_add(1);
     let inverse = (1u64 << 40) / total as u64;
     let mut mass = [0i32; RING];
-    let mut children = [0i32; RING];
+    let mut seen = [0i32; RING];
     let mut bends = 0i32;
     let mut borders = 0;
-    for (k, (pair, &f)) in pairs.iter().zip(freqs.iter()).enumerate() {
-        let g = ((k == chosen) as i32) * 65536 - ((f as u64 * inverse) >> 24) as i32;
-        mass[pair.p as usize] += g;
-        mass[pair.q as usize & (RING - 1)] += g;
-        children[pair.n1 as usize] += g;
-        bends += g * pair.cos as i32 >> 8;
-        if open && pair.q != u8::MAX && (loci[pair.p as usize].at == 0 || loci[pair.q as usize].at == last) {
-            borders += g;
+    let share = |f: u32| -(((f as u64 * inverse) >> 24) as i32);
+    let picked;
+    if rows {
+        let (mut freqs, mut cosines, mut left) = (&freqs[..], &cosines[..], chosen);
+        let mut pair = (0, 0);
+        for i in 0..loci.len() {
+            let others = loci.len() - i - 1;
+            let (row, freqs_left) = freqs.split_at(others);
+            let (angles, cosines_left) = cosines.split_at(others);
+            let mut own = 0;
+            for (((&f, &cos), mass), seen) in row.iter().zip(angles).zip(&mut mass[i + 1..]).zip(&mut seen[fewest..]) {
+                let g = share(f);
+                own += g;
+                *mass += g;
+                *seen += g;
+                bends += g * cos >> 8;
+            }
+            if left < others {
+                pair = (i, i + 1 + left);
+                own += 65536;
+                mass[pair.1] += 65536;
+                seen[fewest + left] += 65536;
+                bends += 256 * angles[left];
+                left = usize::MAX;
+            } else if left != usize::MAX {
+                left -= others;
+            }
+            mass[i] += own;
+            if open && count == 0 && others > 0 {
+                let hit = |j: usize| if pair == (i, j) && left == usize::MAX { 65536 } else { 0 };
+                borders += if i == 0 { own } else { share(row[others - 1]) + hit(loci.len() - 1) };
+            }
+            (freqs, cosines) = (freqs_left, cosines_left);
         }
+        picked = (loci[pair.0].at, Some(loci[pair.1].at));
+    } else {
+        for (k, (pair, &f)) in pairs.iter().zip(freqs.iter()).enumerate() {
+            let g = ((k == chosen) as i32) * 65536 + share(f);
+            mass[pair.p as usize] += g;
+            mass[pair.q as usize & (RING - 1)] += g;
+            seen[pair.n1 as usize] += g;
+            bends += g * pair.cos as i32 >> 8;
+            if open && pair.q != u8::MAX && (loci[pair.p as usize].at == 0 || loci[pair.q as usize].at == last) {
+                borders += g;
+            }
+        }
+        let pair = pairs[chosen];
+        picked = (loci[pair.p as usize].at, (pair.q != u8::MAX).then(|| loci[pair.q as usize].at));
     }
     let limit = |w: i32| w.clamp(-(12 << 16), 12 << 16);
     for (l, &g) in loci.iter().zip(&mass) {
@@ -371,13 +439,12 @@ fn code_loci<C: Coder>(
     for n1 in 0..=both {
         for n in [n1, both - n1] {
             let w = &mut m.child[n.min(CHILD - 1)];
-            *w = limit(*w + (children[n1] >> rate));
+            *w = limit(*w + (seen[n1] >> rate));
         }
     }
     m.scalar[2] = limit(m.scalar[2] + (bends >> rate));
     m.border = limit(m.border + (borders >> rate));
-    let pair = pairs[chosen];
-    Some((loci[pair.p as usize].at, (pair.q != u8::MAX).then(|| loci[pair.q as usize].at)))
+    Some(picked)
 }
 
 /// Loci of a fan, and ring vertices of both children, are fewer than this.
