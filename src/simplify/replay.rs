@@ -15,8 +15,11 @@ use crate::par;
 use std::sync::atomic::AtomicU64;
 use thiserror::Error;
 
-/// A run of levels that share one coder grows by at least this much (in 1/12) before it ends.
-const GROWTH: usize = 16;
+/// A run of levels that share one coder grows by at least this much (in 1/12) before it ends: the more a chunk's
+/// seven bytes of table and checksum weigh, the later.
+fn growth(slots: usize) -> usize {
+    if slots < 20_000 { 16 } else { 14 }
+}
 /// A run is not ended below this many vertices.
 const SMALL: usize = 256;
 
@@ -144,7 +147,7 @@ pub fn replay(history: &History, slots: usize, progress: &(dyn Fn(u64) + Sync)) 
             (swaps, birth_order) = (reader.swaps, reader.birth_order);
             batch = part;
             let fine = n + batch.len() + batch.births.len();
-            let end = b == 0 || (fine >= SMALL && fine * 12 >= *from * GROWTH) || segments(fine) > 1;
+            let end = b == 0 || (fine >= SMALL && fine * 12 >= *from * growth(slots)) || segments(fine) > 1;
             if end {
                 let first = *first;
                 let coder = std::mem::take(coder);
