@@ -7,11 +7,18 @@
 #[path = "common/small.rs"]
 mod small;
 
-use lodestream::container::{AsideCounts, Chunk, Front, Header, Kind, Parsed, write};
+use lodestream::codec::base::code_elements;
+use lodestream::codec::patch::View;
+use lodestream::codec::points::{canonical_order, code_points};
+use lodestream::codec::range::Encoder;
+use lodestream::codec::segment::{Scratch, Source};
+use lodestream::codec::stream::{Account, State, Task, code_segment, segment_range, segments};
+use lodestream::complex::{Batch, Faces, Inserted, Split, Star};
+use lodestream::container::{AsideCounts, Chunk, Front, Header, Kind, LevelInfo, Parsed, write};
 use lodestream::decode::{DecodeOptions, Decoder, Step};
 use small::{Random, file, files};
 use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
 
 /// Counts what is allocated.
 struct Counting;
@@ -241,6 +248,86 @@ fn survive(bytes: &[u8], limit: u64) -> Result<(bool, usize), String> {
 /// Beyond the limit: the tables of the front, the models, and the file itself a few times over.
 const OVERHEAD: usize = 4 << 20;
 
+/// An encoder that lets a few vertices of each segment list triangles without end.
+struct Greedy<'a> {
+    star: &'a Star,
+    faces: &'a Faces,
+    left: u32,
+}
+
+/// What each of them lists.
+const LIST: usize = 40_000;
+/// How many of them there are in a segment.
+const LISTS: u32 = 25;
+
+impl Source for Greedy<'_> {
+    fn split(&mut self, v: u32, split: &mut Split) -> Option<[i32; 3]> {
+        self.left = self.left.checked_sub(1)?;
+        let around = self.star.get(v);
+        split.reset(around.len());
+        let apex = self.faces.get(around[0]).iter().copied().find(|&x| x != v)?;
+        split.triangles.extend(std::iter::repeat_n(Inserted { apex, reversed: false }, LIST));
+        Some([0; 3])
+    }
+    fn settled(&mut self, _: &Split, _: bool) {}
+    fn births(&mut self, _: &[[i32; 3]]) {}
+    fn low_bits(&mut self, _: u32, _: u32) -> [u16; 3] {
+        [0; 3]
+    }
+    fn birth_low_bits(&mut self, _: u32) -> [u16; 3] {
+        [0; 3]
+    }
+}
+
+/// A file of two levels whose segments each list as many triangles as the header says the whole level has more.
+fn segments_that_each_claim_all() -> Vec<u8> {
+    let mut decoder = Decoder::new(DecodeOptions::default());
+    let bytes = file(&lodestream::generate::sphere(80, 0.01, 4), 12);
+    decoder.push(&bytes);
+    while let Step::Level(_) = decoder.next_level().unwrap() {}
+    let mut level = decoder.complex().clone();
+    let order = canonical_order(&level.positions);
+    let mut renumber = vec![0; order.len()];
+    (0u32..).zip(&order).for_each(|(new, &old)| renumber[old as usize] = new);
+    level.faces.corners.iter_mut().for_each(|v| *v = renumber[*v as usize]);
+    let mut base = Encoder::new();
+    let n = level.positions.len();
+    code_points(&mut base, &mut level.positions, n);
+    let corners = level.faces.corners.len();
+    code_elements(&mut base, &level.positions, &mut level.faces, corners).unwrap();
+
+    let star = Star::build(n, &level.faces);
+    let view = View::new(&level, &star);
+    let pieces = segments(n);
+    assert!(pieces > 3);
+    let mut chunks = vec![Chunk::base(0, base.finish())];
+    for k in 0..pieces {
+        let range = segment_range(n, k, pieces);
+        let room = AtomicU64::new(u64::MAX);
+        let task = Task {
+            view,
+            range: (range.start, range.end),
+            first: k == 0,
+            more: (u64::MAX, u64::MAX),
+            room: &room,
+            shift: 0,
+        };
+        let mut coder = Encoder::new();
+        let mut source = Greedy { star: &star, faces: &level.faces, left: LISTS };
+        let (mut state, mut scratch) = (State::default(), Scratch::default());
+        let (mut batch, mut account) = (Batch::default(), Account::default());
+        code_segment(&mut coder, &mut state, &mut scratch, &task, &mut source, &mut batch, &mut account).unwrap();
+        chunks.push(Chunk::segment(1, k as u32, pieces as u32, coder.finish()));
+    }
+    let Parts { mut header, .. } = parts(&bytes);
+    let row = LevelInfo { shift: 0, ..header.full() };
+    let more = LISTS * LIST as u32;
+    let vertices = row.vertices + LISTS * pieces as u32;
+    let finer = LevelInfo { vertices, elements: row.elements + more, corners: row.corners + 3 * more, ..row };
+    header.levels = vec![row, finer];
+    write(&header, &chunks).unwrap()
+}
+
 /// Honest files under just the limit that their tables ask for.
 fn honest_files_keep_to_what_they_say() {
     use lodestream::generate::{crumbs, point_cloud, soup, terrain};
@@ -266,6 +353,11 @@ fn honest_files_keep_to_what_they_say() {
 #[test]
 fn hostile_streams_do_no_harm() {
     honest_files_keep_to_what_they_say();
+    let greedy = segments_that_each_claim_all();
+    let Ok(Parsed::Ready(front)) = Front::parse(&greedy) else { panic!("a valid front") };
+    let (whole, peak) = survive(&greedy, front.memory(1)).unwrap();
+    eprintln!("greedy segments: {peak} bytes at once, announced {}, file {}", front.memory(1), greedy.len());
+    assert!(!whole);
     let mut files: Vec<(&str, Parts)> = files().into_iter().map(|(name, bytes)| (name, parts(&bytes))).collect();
     let large = lodestream::generate::sphere(60, 0.01, 4);
     let large = parts(&file(&large, 12));
