@@ -8,6 +8,10 @@ use lodestream::mesh::Mesh;
 use std::fmt::Write as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// How long Draco may take for one step.
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// The two programs are there.
 pub struct Draco {
@@ -89,6 +93,10 @@ impl Draco {
                     decode_ms: least(old.decode_ms, decode_ms),
                 },
             });
+            if decode_ms.is_none() {
+                // It does not read its own file, or not in time; once is enough.
+                break;
+            }
         }
         // Best effort: they lie in a folder of temporary files.
         let _ = std::fs::remove_file(drc);
@@ -99,7 +107,18 @@ impl Draco {
 
 /// Run, and read the time from `… (123 ms to encode).`; `None` on failure.
 fn milliseconds(command: &mut Command) -> Option<Option<f64>> {
-    let output = command.stdin(Stdio::null()).stderr(Stdio::null()).output().ok()?;
+    // Some input keeps it busy for ever; what it prints fits into a pipe.
+    let mut child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().ok()?;
+    let start = Instant::now();
+    while child.try_wait().ok()?.is_none() {
+        if start.elapsed() > PATIENCE {
+            child.kill().ok()?;
+            child.wait().ok()?;
+            return None;
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    let output = child.wait_with_output().ok()?;
     if !output.status.success() {
         return None;
     }
