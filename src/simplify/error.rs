@@ -38,7 +38,7 @@ pub fn follow(c: &Coarsened, fine: &Level, star: &Star, error: &[f32], anchor: [
         }
     }
     // A bound far below what stands already need not be sharp.
-    let enough = out.iter().fold(0f32, |a, &b| a.max(b)) as f64 / 32.0;
+    let enough = out.iter().fold(0f32, |a, &b| a.max(b)) as f64 / 16.0;
     let bounds: Vec<f32> = c
         .pairs
         .par_chunks(CHUNK)
