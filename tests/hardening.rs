@@ -133,7 +133,7 @@ fn around(n: u32) -> Mesh {
     let mut random = small::Random(11);
     let mut mesh = small::of(&[[0.0, 0.0, 0.5]], &[]);
     for k in 0..n {
-        let (s, c) = (f64::from(k) * 6.283 / f64::from(n)).sin_cos();
+        let (s, c) = (f64::from(k) * std::f64::consts::TAU / f64::from(n)).sin_cos();
         mesh.positions.push([c, s, random.below(1000) as f64 * 1e-4]);
     }
     mesh

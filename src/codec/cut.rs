@@ -284,8 +284,8 @@ fn code_loci<C: Coder>(
     // By the number of ring vertices of v1; those of both children sum up to `both`.
     let both = if single { n + 1 - count as usize } else { n + 2 - count as usize };
     let mut children = [0i32; RING];
-    for n1 in 0..=both {
-        children[n1] = m.child[n1.min(CHILD - 1)] + m.child[(both - n1).min(CHILD - 1)];
+    for (n1, score) in children[..=both].iter_mut().enumerate() {
+        *score = m.child[n1.min(CHILD - 1)] + m.child[(both - n1).min(CHILD - 1)];
     }
     // Loci of one kind in rows: (0, 1), (0, 2), …, (1, 2), …; so nothing need be kept of a pair but its cosine.
     let rows = !single && count != 1;
@@ -317,7 +317,7 @@ fn code_loci<C: Coder>(
     } else {
         for (i, a) in loci.iter().enumerate() {
             // Ring vertices of v1: from the first at or behind `a` to the last at or before `b`.
-            let from = (a.at as usize + 1) / 2;
+            let from = (a.at as usize).div_ceil(2);
             if single {
                 if a.at & 1 == count {
                     let n1 = n - from;
@@ -436,10 +436,10 @@ fn code_loci<C: Coder>(
         *w = limit(*w + (g >> rate));
         *s = limit(*s + (((g as i64 * l.len as i64) >> 8) >> rate) as i32);
     }
-    for n1 in 0..=both {
+    for (n1, &g) in seen[..=both].iter().enumerate() {
         for n in [n1, both - n1] {
             let w = &mut m.child[n.min(CHILD - 1)];
-            *w = limit(*w + (seen[n1] >> rate));
+            *w = limit(*w + (g >> rate));
         }
     }
     m.scalar[2] = limit(m.scalar[2] + (bends >> rate));
@@ -486,7 +486,7 @@ fn code_general<C: Coder>(
         let (h1, h2) = (hints(next), hints(prev));
         let context = (h1.min(h2) * 4 + h1.max(h2)) * 2 + (s.degree == 2) as usize;
         let grows = coder.bit(&mut m.grow[context], side as u8 >= 2);
-        let second = if i == 0 && s.degree > 2 || i == 0 && !grows {
+        let second = if i == 0 && (s.degree > 2 || !grows) {
             false
         } else {
             coder.bit(&mut m.side[(h1 * 4 + h2) * 2 + grows as usize], side as u8 & 1 == 1)
