@@ -303,14 +303,6 @@ impl Decoder {
         if batch.len() as u64 + batch.births.len() as u64 != more.0 {
             return Err(corrupt(next, "other counts than the header announces"));
         }
-        let mut touched = vec![false; self.level.faces.len()];
-        for &v in &batch.vertex {
-            for &f in self.star.get(v) {
-                if std::mem::replace(&mut touched[f as usize], true) {
-                    return Err(corrupt(next, "two splits that share an element"));
-                }
-            }
-        }
         let inserted = batch.triangles.len() as u64 + batch.edges.iter().map(|&e| e as u64).sum::<u64>();
         let grown = batch.sides.iter().filter(|&&s| matches!(s, Side::Grow12 | Side::Grow21)).count() as u64;
         let corners = grown + 2 * inserted + batch.triangles.len() as u64;
@@ -320,6 +312,9 @@ impl Decoder {
         let bias = ((self.rows.len() as u32 - 1 - next) & 1) as i32;
         let more_to_come = (next as usize) + 1 < self.rows.len();
         let refined = refine(&self.level, &self.star, &batch, bias, Wanted { star: more_to_come, element: false });
+        if refined.conflict {
+            return Err(corrupt(next, "two splits that share an element"));
+        }
         self.level = refined.level;
         self.star = refined.star;
         self.parents = refined.parent;

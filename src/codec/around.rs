@@ -47,18 +47,11 @@ pub struct Around {
     pub spokes: Vec<Spoke>,
     /// The neighbours by edge: in fan order, or in increasing order.
     pub ring: Vec<u32>,
-    /// Whether the neighbours in large elements are left open.
-    pub open: bool,
 }
 
 impl Around {
     /// Gather the star of `v` without ordering it.
-    #[inline]
-    ///
-    /// Of elements of more than [`BIG`] corners the neighbours are left open (`v` itself) unless `closely`: finding a corner
-    /// takes as long as there are corners, and every vertex is surveyed.
-    pub fn gather(&mut self, faces: &Faces, star: &Star, v: u32, closely: bool) {
-        self.open = false;
+    pub fn gather(&mut self, faces: &Faces, star: &Star, v: u32) {
         self.spokes.clear();
         self.spokes.extend(star.get(v).iter().enumerate().map(|(place, &f)| {
             let c = faces.get(f);
@@ -70,9 +63,6 @@ impl Around {
                 } else {
                     (x, y)
                 }
-            } else if c.len() > BIG && !closely {
-                self.open = true;
-                (v, v)
             } else {
                 let n = c.len();
                 let at = c.iter().position(|&x| x == v).unwrap_or(0);

@@ -3,12 +3,14 @@
 //! Lengths are in 1/256 step, unit vectors have length 2^14. Coordinates of a valid level stay within ±2^26, and at most
 //! 64 elements are looked at, so that no sum leaves `i64`.
 
-use super::around::Around;
+use super::around::{Around, BIG};
 use crate::complex::placement::{cross, dot, root, sub, unit};
 use crate::complex::{Faces, Level, Star};
 
 /// Elements looked at for geometry.
 const LOOK: usize = 64;
+/// Elements whose neighbours' elements are counted.
+const CROWD: usize = 16;
 
 /// What a segment knows of the coarser level: all of it.
 #[derive(Clone, Copy, Debug)]
@@ -55,6 +57,10 @@ pub struct Patch {
     pub around: Around,
     /// The vertex itself.
     pub vertex: u32,
+    /// How many elements it has.
+    pub elements: usize,
+    /// The mean number of elements at its neighbours, in 1/4.
+    pub crowd: usize,
     /// Where it lies.
     pub at: [i32; 3],
     /// Unit normal, 0 where there is none.
@@ -68,22 +74,44 @@ pub struct Patch {
 }
 
 impl Patch {
-    /// Look around `v`: its elements and how long its edges are.
+    /// Look around `v`: how many elements it has, how long its edges are, how many elements its neighbours have.
+    ///
+    /// Of elements of more than [`BIG`] corners the neighbour counts as `v` itself: finding a corner takes as long as there
+    /// are corners, and every vertex is surveyed.
     #[inline]
     pub fn survey(&mut self, view: &View, v: u32) {
         let p = &view.level.positions[..];
-        self.around.gather(&view.level.faces, view.star, v, false);
-        self.vertex = v;
-        self.at = p[v as usize];
-        let (mut square, mut n) = (0i64, 0i64);
-        for s in self.around.spokes[..self.around.spokes.len().min(LOOK)].iter() {
-            let next = sub(p[s.next as usize], self.at);
+        let (at, star) = (p[v as usize], view.star.get(v));
+        let (mut square, mut crowd) = (0i64, 0u32);
+        for (k, &f) in star[..star.len().min(LOOK)].iter().enumerate() {
+            let c = view.level.faces.get(f);
+            let next = if let &[x, y, z] = c {
+                if x == v {
+                    y
+                } else if y == v {
+                    z
+                } else {
+                    x
+                }
+            } else if c.len() > BIG {
+                v
+            } else {
+                let i = c.iter().position(|&x| x == v).unwrap_or(0);
+                c[if i + 1 == c.len() { 0 } else { i + 1 }]
+            };
+            let d = sub(p[next as usize], at);
             // Squares of 54 bits, 64 of them at most, with 4 bits dropped.
-            square += (dot(next, next) + 15) >> 4;
-            n += 1;
+            square += (dot(d, d) + 15) >> 4;
+            if k < CROWD {
+                crowd += view.star.start[next as usize + 1] - view.star.start[next as usize];
+            }
         }
+        self.vertex = v;
+        self.at = at;
+        self.elements = star.len();
+        self.crowd = crowd as usize * 4 / star.len().clamp(1, CROWD);
         // The mean square times 2^12 has its root in 1/64 step.
-        let square = (square / n.max(1)) as u64;
+        let square = square as u64 / star.len().clamp(1, LOOK) as u64;
         self.mean =
             if square < 1 << 46 { (root(square << 16) << 2) as i64 } else { (root(square) << 10) as i64 }.max(1);
     }
@@ -91,9 +119,7 @@ impl Patch {
     /// Look closer: order the elements, list the ring, find the normal and the height.
     pub fn order(&mut self, view: &View) {
         let p = &view.level.positions[..];
-        if self.around.open {
-            self.around.gather(&view.level.faces, view.star, self.vertex, true);
-        }
+        self.around.gather(&view.level.faces, view.star, self.vertex);
         self.around.order();
         let mut area = [0i64; 3];
         for s in self.around.spokes[..self.around.spokes.len().min(LOOK)].iter() {

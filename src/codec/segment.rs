@@ -39,8 +39,7 @@ impl Flags {
     /// Elements at the vertex, length of its edges over the mean of the level, and elements at its neighbours.
     #[inline]
     fn context(view: &View, patch: &Patch) -> usize {
-        let spokes = &patch.around.spokes;
-        let n = spokes.len();
+        let n = patch.elements;
         if n == 0 {
             return VALENCES * LENGTHS * NEIGHBOURS;
         }
@@ -56,8 +55,7 @@ impl Flags {
             52..=63 => 8,
             _ => 9,
         };
-        let crowd: usize = spokes.iter().take(16).map(|s| view.star.get(s.next).len()).sum();
-        let near = match crowd * 4 / n.min(16) {
+        let near = match patch.crowd {
             0..=20 => 0,
             21..=23 => 1,
             24..=25 => 2,

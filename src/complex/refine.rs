@@ -23,6 +23,8 @@ pub struct Refined {
     /// For each element, if that was asked for, its element in the coarser level, or `NEW | i` for the `i`-th that the
     /// batch inserts, counted split by split, a split's triangles before its dangling edges.
     pub element: Vec<u32>,
+    /// Whether two splits share an element, which a valid batch does not have; the level then makes no sense.
+    pub conflict: bool,
 }
 
 /// What [`refine`] is asked for beside the level.
@@ -57,16 +59,16 @@ pub fn refine(level: &Level, star: &Star, batch: &Batch, bias: i32, wanted: Want
         renumber.push(v + splits as u32);
         splits += (batch.vertex.get(splits) == Some(&v)) as usize;
     }
-    let ((faces, element, stars), (positions, parent)) = par::join(
+    let ((faces, element, conflict, stars), (positions, parent)) = par::join(
         || {
-            let (faces, element) = elements(level, star, batch, &renumber, wanted.element);
+            let (faces, element, conflict) = elements(level, star, batch, &renumber, wanted.element);
             let fine = coarse + batch.len() + batch.births.len();
             let stars = if wanted.star { Star::build(fine, &faces) } else { Star::default() };
-            (faces, element, stars)
+            (faces, element, conflict, stars)
         },
         || vertices(level, star, batch, bias),
     );
-    Refined { level: Level { positions, faces, shift: batch.shift }, star: stars, parent, element }
+    Refined { level: Level { positions, faces, shift: batch.shift }, star: stars, parent, element, conflict }
 }
 
 /// Positions and parents.
@@ -116,13 +118,15 @@ fn vertices(level: &Level, star: &Star, batch: &Batch, bias: i32) -> (Vec<[i32; 
     (positions, parent)
 }
 
-/// Elements and where they come from.
-fn elements(level: &Level, star: &Star, batch: &Batch, renumber: &[u32], origin: bool) -> (Faces, Vec<u32>) {
+/// Elements, where they come from, and whether two splits share one.
+fn elements(level: &Level, star: &Star, batch: &Batch, renumber: &[u32], origin: bool) -> (Faces, Vec<u32>, bool) {
     let mut mark = vec![0u8; level.faces.len()];
     let mut last: Vec<u32> = Vec::new();
+    let mut conflict = false;
     for (i, &v) in batch.vertex.iter().enumerate() {
         let around = star.get(v);
         for (&f, &side) in around.iter().zip(batch.sides_of(i)) {
+            conflict |= mark[f as usize] != 0;
             mark[f as usize] = TOUCHED | side as u8;
         }
         match around.first() {
@@ -139,30 +143,63 @@ fn elements(level: &Level, star: &Star, batch: &Batch, renumber: &[u32], origin:
             first
         })
         .collect();
-    let work = Work { level, batch, renumber, mark: &mark, new_first: &new_first, origin };
-    let mut runs = par::map(par::ranges(level.faces.len(), RUN), |range| work.run(range));
-    let mut tail = (Faces::new(), Vec::new());
-    for i in last {
-        work.insert(i as usize, &mut tail.0, &mut tail.1);
+    let work = Work { level, batch, renumber, mark: &mark, new_first: &new_first };
+    // How much each run gives, then each into its own part of the whole.
+    let ranges = par::ranges(level.faces.len(), RUN);
+    let mut sizes = par::map(ranges.clone(), |range| work.measure(range));
+    let tail = last.iter().fold((0, 0), |(e, c), &i| {
+        let (elements, corners) = work.inserted(i as usize);
+        (e + elements, c + corners)
+    });
+    sizes.push(tail);
+    let (count, corners) = sizes.iter().fold((0, 0), |(e, c), s| (e + s.0, c + s.1));
+    let mut faces = Faces { start: vec![0; count + 1], corners: vec![0; corners] };
+    let mut element = vec![0; if origin { count } else { 0 }];
+    let mut runs = Vec::with_capacity(sizes.len());
+    let (mut ends, mut places, mut origins) = (&mut faces.start[1..], &mut faces.corners[..], &mut element[..]);
+    let mut base = 0;
+    for (k, &(count, corners)) in sizes.iter().enumerate() {
+        let (end, ends_left) = ends.split_at_mut(count);
+        let (place, places_left) = places.split_at_mut(corners);
+        let (origin, origins_left) = origins.split_at_mut(if origin { count } else { 0 });
+        runs.push((ranges.get(k).cloned(), Run { end, corners: place, origin, elements: 0, filled: 0, base }));
+        (ends, places, origins) = (ends_left, places_left, origins_left);
+        base += corners as u32;
     }
-    if !tail.0.is_empty() {
-        runs.push(tail);
+    par::map(runs, |(range, mut run)| match range {
+        Some(range) => work.fill(range, &mut run),
+        None => last.iter().for_each(|&i| work.insert(i as usize, &mut run)),
+    });
+    (faces, element, conflict)
+}
+
+/// A part of the finer level's elements on its way.
+struct Run<'a> {
+    end: &'a mut [u32],
+    corners: &'a mut [u32],
+    origin: &'a mut [u32],
+    elements: usize,
+    filled: usize,
+    /// Corners before this part.
+    base: u32,
+}
+
+impl Run<'_> {
+    #[inline]
+    fn put(&mut self, corners: &[u32]) {
+        self.corners[self.filled..self.filled + corners.len()].copy_from_slice(corners);
+        self.filled += corners.len();
     }
-    if runs.len() == 1 {
-        return runs.pop().unwrap_or_default();
+
+    /// End an element that comes from `origin`.
+    #[inline]
+    fn close(&mut self, origin: u32) {
+        self.end[self.elements] = self.base + self.filled as u32;
+        if let Some(o) = self.origin.get_mut(self.elements) {
+            *o = origin;
+        }
+        self.elements += 1;
     }
-    let corners = runs.iter().map(|r| r.0.corners.len()).sum();
-    let elements = runs.iter().map(|r| r.0.len()).sum::<usize>();
-    let mut faces = Faces { start: Vec::with_capacity(elements + 1), corners: Vec::with_capacity(corners) };
-    let mut element = Vec::with_capacity(if origin { elements } else { 0 });
-    faces.start.push(0);
-    for (f, e) in runs {
-        let base = faces.corners.len() as u32;
-        faces.start.extend(f.start[1..].iter().map(|s| s + base));
-        faces.corners.extend_from_slice(&f.corners);
-        element.extend_from_slice(&e);
-    }
-    (faces, element)
 }
 
 /// What a run of elements is made from.
@@ -172,81 +209,96 @@ struct Work<'a> {
     renumber: &'a [u32],
     mark: &'a [u8],
     new_first: &'a [u32],
-    origin: bool,
 }
 
 impl Work<'_> {
-    fn run(&self, range: Range<usize>) -> (Faces, Vec<u32>) {
+    /// The split of `v`, if it splits: as many splits come before a vertex as its number grows.
+    #[inline]
+    fn split(&self, v: u32) -> Option<usize> {
+        let i = (self.renumber[v as usize] - v) as usize;
+        (self.batch.vertex.get(i) == Some(&v)).then_some(i)
+    }
+
+    /// The split before whose first element `f`, with these corners, stands.
+    fn before(&self, corners: &[u32], mark: u8) -> Option<usize> {
+        if mark & FIRST == 0 { None } else { corners.iter().find_map(|&v| self.split(v)) }
+    }
+
+    /// Elements, and corners, that a split inserts.
+    fn inserted(&self, i: usize) -> (usize, usize) {
+        let (triangles, edges) = (self.batch.triangles_of(i).len(), self.batch.edges[i] as usize);
+        (triangles + edges, 3 * triangles + 2 * edges)
+    }
+
+    /// Elements, and corners, that become of a range of elements.
+    fn measure(&self, range: Range<usize>) -> (usize, usize) {
         let old = &self.level.faces;
-        let (first, end) = (old.start[range.start] as usize, old.start[range.end] as usize);
-        let mut faces = Faces::new();
-        faces.start.reserve(range.len() + range.len() / 2);
-        faces.corners.reserve((end - first) + (end - first) / 2);
-        let mut elements = Vec::new();
+        let mut elements = range.len();
+        let mut corners = (old.start[range.end] - old.start[range.start]) as usize;
         for f in range {
-            let corners = &old.corners[old.start[f] as usize..old.start[f + 1] as usize];
+            let mark = self.mark[f];
+            if mark != 0 {
+                let names = old.get(f as u32);
+                if mark & 3 >= Side::Grow12 as u8 {
+                    corners += names.iter().filter(|&&v| self.split(v).is_some()).count();
+                }
+                if let Some(i) = self.before(names, mark) {
+                    let (e, c) = self.inserted(i);
+                    elements += e;
+                    corners += c;
+                }
+            }
+        }
+        (elements, corners)
+    }
+
+    fn fill(&self, range: Range<usize>, run: &mut Run) {
+        let old = &self.level.faces;
+        for f in range {
+            let corners = old.get(f as u32);
             let mark = self.mark[f];
             if mark == 0 {
                 if let &[x, y, z] = corners {
                     let r = self.renumber;
-                    faces.corners.extend_from_slice(&[r[x as usize], r[y as usize], r[z as usize]]);
+                    run.put(&[r[x as usize], r[y as usize], r[z as usize]]);
                 } else {
-                    faces.corners.extend(corners.iter().map(|&v| self.renumber[v as usize]));
+                    for &v in corners {
+                        run.put(&[self.renumber[v as usize]]);
+                    }
                 }
             } else {
-                self.touched(corners, mark, &mut faces, &mut elements);
+                if let Some(i) = self.before(corners, mark) {
+                    self.insert(i, run);
+                }
+                for &v in corners {
+                    let new = self.renumber[v as usize];
+                    match (self.split(v), mark & 3) {
+                        (None, _) | (_, 0) => run.put(&[new]),
+                        (_, 1) => run.put(&[new + 1]),
+                        (_, 2) => run.put(&[new, new + 1]),
+                        _ => run.put(&[new + 1, new]),
+                    }
+                }
             }
-            faces.start.push(faces.corners.len() as u32);
-            if self.origin {
-                elements.push(f as u32);
-            }
-        }
-        (faces, elements)
-    }
-
-    /// An element with a corner that splits, and before it what the split inserts if it is the first of the star.
-    fn touched(&self, corners: &[u32], mark: u8, faces: &mut Faces, elements: &mut Vec<u32>) {
-        // As many splits come before a vertex as its number grows.
-        let split = |v: u32| {
-            let i = (self.renumber[v as usize] - v) as usize;
-            (self.batch.vertex.get(i) == Some(&v)).then_some(i)
-        };
-        if mark & FIRST != 0
-            && let Some(i) = corners.iter().find_map(|&v| split(v))
-        {
-            self.insert(i, faces, elements);
-        }
-        for &v in corners {
-            let new = self.renumber[v as usize];
-            if split(v).is_none() {
-                faces.corners.push(new);
-                continue;
-            }
-            match mark & 3 {
-                s if s == Side::One as u8 => faces.corners.push(new),
-                s if s == Side::Two as u8 => faces.corners.push(new + 1),
-                s if s == Side::Grow12 as u8 => faces.corners.extend_from_slice(&[new, new + 1]),
-                _ => faces.corners.extend_from_slice(&[new + 1, new]),
-            }
+            run.close(f as u32);
         }
     }
 
     /// What split `i` inserts.
-    fn insert(&self, i: usize, faces: &mut Faces, elements: &mut Vec<u32>) {
+    fn insert(&self, i: usize, run: &mut Run) {
         let v1 = self.renumber[self.batch.vertex[i] as usize];
         let v2 = v1 + 1;
-        let triangles = self.batch.triangles_of(i);
-        for t in triangles {
+        let mut new = self.new_first[i] | NEW;
+        for t in self.batch.triangles_of(i) {
             let x = self.renumber[t.apex as usize];
-            faces.push(&if t.reversed { [v2, v1, x] } else { [v1, v2, x] });
+            run.put(&if t.reversed { [v2, v1, x] } else { [v1, v2, x] });
+            run.close(new);
+            new += 1;
         }
         for _ in 0..self.batch.edges[i] {
-            faces.push(&[v1, v2]);
-        }
-        if self.origin {
-            let first = self.new_first[i];
-            let n = triangles.len() as u32 + self.batch.edges[i];
-            elements.extend((first..first + n).map(|e| e | NEW));
+            run.put(&[v1, v2]);
+            run.close(new);
+            new += 1;
         }
     }
 }

@@ -27,7 +27,7 @@ pub struct SimplifyOptions {
 
 impl Default for SimplifyOptions {
     fn default() -> Self {
-        SimplifyOptions { lock_borders: false, factor: 384, alpha: 20, alpha_share: 40, edge_steps: 32 }
+        SimplifyOptions { lock_borders: false, factor: 384, alpha: 20, alpha_share: 26, edge_steps: 32 }
     }
 }
 
