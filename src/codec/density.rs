@@ -76,6 +76,24 @@ impl Density {
         lo + ((hi - lo) * f >> 8)
     }
 
+    /// Where, in 1/65536 spread, about `mass` lies below.
+    #[inline]
+    fn quantile(&self, mass: i64) -> i64 {
+        let mass = mass.min(ONE as i64 - 1) as i32;
+        let b = self.cum[1..BINS].iter().map(|&c| (c <= mass) as usize).sum::<usize>();
+        let (lo, hi) = (self.cum[b] as i64, self.cum[b + 1] as i64);
+        let f = ((mass as i64 - lo) << 8) / (hi - lo).max(1);
+        let (i, f, back) = if b < 17 { (16 - b as i64, 256 - f, true) } else { (b as i64 - 17, f, false) };
+        let t = if i < 8 {
+            (i << 13) + (f << 5)
+        } else if i < 12 {
+            (1 << 16) + ((i - 8) << 14) + (f << 6)
+        } else {
+            (2 << 16) + ((i - 12) << 15) + (f << 7)
+        };
+        if back { -t } else { t }
+    }
+
     #[inline]
     fn learn(&mut self, b: usize) {
         let rate = match self.seen {
@@ -127,20 +145,21 @@ impl Density {
                 self.learn(BINS - 1);
                 out = end + g;
             } else {
-                let (mut lo, mut hi) = (first, end);
-                let (mut f_lo, mut f_hi) = (head, tail);
-                while hi - lo > 1 {
-                    let mid = (lo + hi) >> 1;
-                    let f = at(self, mid);
-                    if f <= target {
-                        (lo, f_lo) = (mid, f);
-                    } else {
-                        (hi, f_hi) = (mid, f);
-                    }
+                // Nearly everywhere the inverse of the density names the cell, or one beside it.
+                let mut k = ((self.quantile(target) * s >> 16) + mu + Q / 2).div_euclid(Q).clamp(first, end - 1);
+                let mut below = at(self, k);
+                let mut above = at(self, k + 1);
+                while below > target {
+                    k -= 1;
+                    (above, below) = (below, at(self, k));
                 }
-                coder.take(f_lo as u32, (f_hi - f_lo) as u32);
-                self.seen_at(lo, mu, inverse);
-                out = lo;
+                while above <= target {
+                    k += 1;
+                    (below, above) = (above, at(self, k + 1));
+                }
+                coder.take(below as u32, (above - below) as u32);
+                self.seen_at(k, mu, inverse);
+                out = k;
             }
         } else {
             coder.target(total as u32);
