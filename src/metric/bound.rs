@@ -18,16 +18,9 @@
 //! a fan from a corner (as `weight` has it) that does not depend on which corner comes first, which no level keeps.
 //! Arithmetic is `f64`, and what rounding can do is added.
 
+use super::bisect::{Bisect, BisectScratch, V};
 use super::weight::Patch;
-use std::cmp::Ordering;
-use std::collections::BinaryHeap;
 
-type V = [f64; 3];
-
-/// Points that bisection may measure in one direction.
-const BUDGET: usize = 192;
-/// Bisection stops where squared bound over squared attained distance is below this: a fifth more.
-const CLOSE: f64 = 1.44;
 /// Patches of more triangles are not bisected: the cost is quadratic.
 const BISECT_MOST: usize = 256;
 /// Heights are trusted to be near the distance where no triangle is steeper than this cosine.
@@ -44,55 +37,30 @@ pub struct BoundScratch {
     before: Vec<[V; 3]>,
     after: Vec<[V; 3]>,
     chain: Vec<[i32; 2]>,
-    rows: Vec<f64>,
-    nodes: BinaryHeap<Node>,
+    bisect: BisectScratch,
 }
 
-/// A part of a triangle: its corners and where their distances stand.
-#[derive(Clone, Copy, Debug)]
-struct Node {
-    /// Squared upper bound of its distance.
-    bound: f64,
-    corners: [V; 3],
-    rows: [usize; 3],
-}
-
-impl PartialEq for Node {
-    fn eq(&self, other: &Self) -> bool {
-        self.cmp(other).is_eq()
-    }
-}
-
-impl Eq for Node {}
-
-impl PartialOrd for Node {
-    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
-        Some(self.cmp(other))
-    }
-}
-
-impl Ord for Node {
-    fn cmp(&self, other: &Self) -> Ordering {
-        self.bound.total_cmp(&other.bound)
-    }
-}
-
+#[inline]
 fn sub(a: V, b: V) -> V {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
+#[inline]
 fn dot(a: V, b: V) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
+#[inline]
 fn cross(a: V, b: V) -> V {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
+#[inline]
 fn norm(a: V) -> f64 {
     dot(a, a).sqrt()
 }
 
+#[inline]
 fn normal(t: &[V; 3]) -> V {
     cross(sub(t[1], t[0]), sub(t[2], t[0]))
 }
@@ -169,15 +137,18 @@ pub fn hausdorff_between(
 
 /// The better of `best` and what bisection of the patches in `scratch` finds.
 fn bisected(best: f64, slack: f64, enough: f64, scratch: &mut BoundScratch) -> f64 {
-    let BoundScratch { before, after, rows, nodes, .. } = scratch;
+    let BoundScratch { before, after, bisect, .. } = scratch;
     if best <= enough || before.len() > BISECT_MOST || after.len() > BISECT_MOST {
         return best;
     }
-    let floor = if enough > slack { (enough - slack) * (enough - slack) } else { 0.0 };
-    let ceiling = best * best;
-    let Some(there) = bisect(before, after, floor, 0.0, ceiling, rows, nodes) else { return best };
-    let Some(back) = bisect(after, before, floor, there.1, ceiling, rows, nodes) else { return best };
-    best.min(there.0.max(back.0).sqrt() + slack)
+    let floor = (enough - slack).max(0.0);
+    let arch = pulp::Arch::new();
+    let mut farthest = |from: &[[V; 3]], to: &[[V; 3]], attained| {
+        arch.dispatch(Bisect { from, to, floor, attained, ceiling: best, scratch: bisect })
+    };
+    let Some(there) = farthest(before, after, 0.0) else { return best };
+    let Some(back) = farthest(after, before, there.1) else { return best };
+    best.min(there.0.max(back.0) + slack)
 }
 
 /// Whether the patch is closed fans of triangles: every edge at `a` and `b` is run once each way, as often as needed.
@@ -313,97 +284,6 @@ fn height(c: V, p: V, q: V, x: V) -> Option<f64> {
     let t = (e0[0] * w[1] - e0[1] * w[0]) / area;
     let room = -1e-9;
     (s >= room && t >= room && s + t <= 1.0 - room).then(|| (w[2] - s * e0[2] - t * e1[2]).abs())
-}
-
-/// Squared upper bound of the distance from `from` to `to`, and the largest squared distance that was found to be attained.
-/// `floor` is a squared distance that is good enough, `attained` one known already. `None` where the distance attained
-/// comes close to `ceiling`, a squared bound known already.
-#[allow(clippy::too_many_arguments)] // called from one place
-fn bisect(
-    from: &[[V; 3]],
-    to: &[[V; 3]],
-    floor: f64,
-    attained: f64,
-    ceiling: f64,
-    rows: &mut Vec<f64>,
-    nodes: &mut BinaryHeap<Node>,
-) -> Option<(f64, f64)> {
-    let m = to.len();
-    let mut known = attained;
-    let measure = |rows: &mut Vec<f64>, known: &mut f64, x: V| {
-        let row = rows.len();
-        rows.extend(to.iter().map(|t| distance2(x, t)));
-        let nearest = rows[row..].iter().copied().fold(f64::INFINITY, f64::min);
-        *known = known.max(nearest);
-        row
-    };
-    rows.clear();
-    nodes.clear();
-    let single = |rows: &[f64], [r0, r1, r2]: [usize; 3]| {
-        let farthest = |j: usize| rows[r0 + j].max(rows[r1 + j]).max(rows[r2 + j]);
-        (0..m).map(farthest).fold(f64::INFINITY, f64::min)
-    };
-    for t in from {
-        let at = t.map(|corner| measure(rows, &mut known, corner));
-        nodes.push(Node { bound: single(rows, at), corners: *t, rows: at });
-    }
-    let limit = rows.len() + BUDGET * m;
-    let mut bound = 0.0f64;
-    // The worst first: where it is good enough or the budget is spent, so are all others.
-    while let Some(node) = nodes.pop() {
-        if known * CLOSE >= ceiling {
-            return None;
-        }
-        if node.bound <= floor.max(known * CLOSE) || rows.len() >= limit {
-            bound = node.bound;
-            break;
-        }
-        // Cut the longest edge.
-        let length = |i: usize| {
-            let e = sub(node.corners[i], node.corners[(i + 1) % 3]);
-            dot(e, e)
-        };
-        let i = if length(0) >= length(1) && length(0) >= length(2) {
-            0
-        } else if length(1) >= length(2) {
-            1
-        } else {
-            2
-        };
-        let (p, q) = (node.corners[i], node.corners[(i + 1) % 3]);
-        let middle = [0.5 * (p[0] + q[0]), 0.5 * (p[1] + q[1]), 0.5 * (p[2] + q[2])];
-        let row = measure(rows, &mut known, middle);
-        for end in [i, (i + 1) % 3] {
-            let mut half = node;
-            half.corners[end] = middle;
-            half.rows[end] = row;
-            half.bound = node.bound.min(single(rows, half.rows));
-            nodes.push(half);
-        }
-    }
-    Some((bound, known))
-}
-
-/// Squared distance of a point to a triangle, which may be a segment or a point.
-fn distance2(x: V, t: &[V; 3]) -> f64 {
-    let segment = |c: V, d: V| {
-        let (w, e) = (sub(x, c), sub(d, c));
-        let ee = dot(e, e);
-        let u = if ee > 0.0 { (dot(w, e) / ee).clamp(0.0, 1.0) } else { 0.0 };
-        let r = [w[0] - u * e[0], w[1] - u * e[1], w[2] - u * e[2]];
-        dot(r, r)
-    };
-    let (e0, e1, w) = (sub(t[1], t[0]), sub(t[2], t[0]), sub(x, t[0]));
-    let n = cross(e0, e1);
-    let nn = dot(n, n);
-    if nn > 1e-16 * dot(e0, e0) * dot(e1, e1) {
-        let (s, r) = (dot(cross(w, e1), n), dot(cross(e0, w), n));
-        if s >= 0.0 && r >= 0.0 && s + r <= nn {
-            let h = dot(w, n);
-            return h * h / nn;
-        }
-    }
-    segment(t[0], t[1]).min(segment(t[1], t[2])).min(segment(t[2], t[0]))
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 //! Follows Caillaud et al. 2016, section 4.2, with the corrections stated in the modules. Encoder side only: floating
 //! point is used up to [`Fixed`], and every decision after it is made on integers.
 
+mod bisect;
 mod bound;
 mod edges;
 mod fixed;
