@@ -311,7 +311,13 @@ impl Decoder {
         }
         let bias = ((self.rows.len() as u32 - 1 - next) & 1) as i32;
         let more_to_come = (next as usize) + 1 < self.rows.len();
-        let refined = refine(&self.level, &self.star, &batch, bias, Wanted { star: more_to_come, element: false });
+        let refined = refine(
+            &self.level,
+            std::mem::take(&mut self.star),
+            &batch,
+            bias,
+            Wanted { star: more_to_come, element: false },
+        );
         if refined.conflict {
             return Err(corrupt(next, "two splits that share an element"));
         }

@@ -51,7 +51,8 @@ const FIRST: u8 = 8;
 
 /// Build the finer level. `batch` has to be valid for `level`: its vertices increase and share no element, it has a side for each
 /// element of each of their stars, and low bits for all vertices where the shift falls.
-pub fn refine(level: &Level, star: &Star, batch: &Batch, bias: i32, wanted: Wanted) -> Refined {
+/// The stars are taken, and let go as soon as nothing asks for them: the finer level is larger than the coarser one.
+pub fn refine(level: &Level, star: Star, batch: &Batch, bias: i32, wanted: Wanted) -> Refined {
     let coarse = level.positions.len();
     let mut renumber = Vec::with_capacity(coarse);
     let mut splits = 0;
@@ -59,20 +60,29 @@ pub fn refine(level: &Level, star: &Star, batch: &Batch, bias: i32, wanted: Want
         renumber.push(v + splits as u32);
         splits += (batch.vertex.get(splits) == Some(&v)) as usize;
     }
-    let ((faces, element, conflict, stars), (positions, parent)) = par::join(
+    let marks = Marks::new(level, &star, batch);
+    // Compensation looks at the stars.
+    let star = (batch.alpha > 0).then_some(star);
+    let ((faces, element, stars), (positions, parent)) = par::join(
         || {
-            let (faces, element, conflict) = elements(level, star, batch, &renumber, wanted.element);
+            let (faces, element) = elements(level, &marks, batch, &renumber, wanted.element);
             let fine = coarse + batch.len() + batch.births.len();
             let stars = if wanted.star { Star::build(fine, &faces) } else { Star::default() };
-            (faces, element, conflict, stars)
+            (faces, element, stars)
         },
         || vertices(level, star, batch, bias),
     );
-    Refined { level: Level { positions, faces, shift: batch.shift }, star: stars, parent, element, conflict }
+    Refined {
+        level: Level { positions, faces, shift: batch.shift },
+        star: stars,
+        parent,
+        element,
+        conflict: marks.conflict,
+    }
 }
 
 /// Positions and parents.
-fn vertices(level: &Level, star: &Star, batch: &Batch, bias: i32) -> (Vec<[i32; 3]>, Vec<u32>) {
+fn vertices(level: &Level, star: Option<Star>, batch: &Batch, bias: i32) -> (Vec<[i32; 3]>, Vec<u32>) {
     let coarse = level.positions.len();
     let mut merged = Vec::new();
     if batch.alpha > 0 {
@@ -86,7 +96,7 @@ fn vertices(level: &Level, star: &Star, batch: &Batch, bias: i32) -> (Vec<[i32; 
             .map(|i| {
                 let v = batch.vertex[i];
                 let p = level.positions[v as usize];
-                let off = compensation(level, star, &merged, v, batch.alpha);
+                let off = star.as_ref().map_or([0; 3], |star| compensation(level, star, &merged, v, batch.alpha));
                 let mid = [p[0].wrapping_sub(off[0]), p[1].wrapping_sub(off[1]), p[2].wrapping_sub(off[2])];
                 children(mid, batch.delta[i], bias)
             })
@@ -118,22 +128,38 @@ fn vertices(level: &Level, star: &Star, batch: &Batch, bias: i32) -> (Vec<[i32; 
     (positions, parent)
 }
 
-/// Elements, where they come from, and whether two splits share one.
-fn elements(level: &Level, star: &Star, batch: &Batch, renumber: &[u32], origin: bool) -> (Faces, Vec<u32>, bool) {
-    let mut mark = vec![0u8; level.faces.len()];
-    let mut last: Vec<u32> = Vec::new();
-    let mut conflict = false;
-    for (i, &v) in batch.vertex.iter().enumerate() {
-        let around = star.get(v);
-        for (&f, &side) in around.iter().zip(batch.sides_of(i)) {
-            conflict |= mark[f as usize] != 0;
-            mark[f as usize] = TOUCHED | side as u8;
+/// What the splits do to the elements.
+struct Marks {
+    /// For each element [`TOUCHED`] with a side, [`FIRST`], or 0.
+    of: Vec<u8>,
+    /// Splits of vertices without elements.
+    last: Vec<u32>,
+    /// Whether two splits share an element.
+    conflict: bool,
+}
+
+impl Marks {
+    fn new(level: &Level, star: &Star, batch: &Batch) -> Self {
+        let mut mark = vec![0u8; level.faces.len()];
+        let mut last: Vec<u32> = Vec::new();
+        let mut conflict = false;
+        for (i, &v) in batch.vertex.iter().enumerate() {
+            let around = star.get(v);
+            for (&f, &side) in around.iter().zip(batch.sides_of(i)) {
+                conflict |= mark[f as usize] != 0;
+                mark[f as usize] = TOUCHED | side as u8;
+            }
+            match around.first() {
+                Some(&f) => mark[f as usize] |= FIRST,
+                None => last.push(i as u32),
+            }
         }
-        match around.first() {
-            Some(&f) => mark[f as usize] |= FIRST,
-            None => last.push(i as u32),
-        }
+        Marks { of: mark, last, conflict }
     }
+}
+
+/// Elements and where they come from.
+fn elements(level: &Level, marks: &Marks, batch: &Batch, renumber: &[u32], origin: bool) -> (Faces, Vec<u32>) {
     // The first inserted element of each split.
     let mut count = 0u32;
     let new_first: Vec<u32> = (0..batch.len())
@@ -143,7 +169,8 @@ fn elements(level: &Level, star: &Star, batch: &Batch, renumber: &[u32], origin:
             first
         })
         .collect();
-    let work = Work { level, batch, renumber, mark: &mark, new_first: &new_first };
+    let last = &marks.last;
+    let work = Work { level, batch, renumber, mark: &marks.of, new_first: &new_first };
     // How much each run gives, then each into its own part of the whole.
     let ranges = par::ranges(level.faces.len(), RUN);
     let mut sizes = par::map(ranges.clone(), |range| work.measure(range));
@@ -170,7 +197,7 @@ fn elements(level: &Level, star: &Star, batch: &Batch, renumber: &[u32], origin:
         Some(range) => work.fill(range, &mut run),
         None => last.iter().for_each(|&i| work.insert(i as usize, &mut run)),
     });
-    (faces, element, conflict)
+    (faces, element)
 }
 
 /// A part of the finer level's elements on its way.

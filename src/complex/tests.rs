@@ -62,7 +62,7 @@ pub(crate) fn same_cycle(a: &[u32], b: &[u32]) -> bool {
 
 /// For each vertex of what `refine` makes, the vertex of the finer level that it stands for.
 pub(crate) fn back_to_fine(fine: &Level, c: &Coarsened, bias: i32) -> Result<(), TestCaseError> {
-    let refined = refine(&c.level, &c.star, &c.batch, bias, Wanted { star: true, element: true });
+    let refined = refine(&c.level, c.star.clone(), &c.batch, bias, Wanted { star: true, element: true });
     let (again, parent) = (&refined.level, &refined.parent);
     prop_assert_eq!(&refined.star, &Star::build(again.positions.len(), &again.faces));
     let mut of_coarse = vec![NONE; c.level.positions.len()];

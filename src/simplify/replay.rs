@@ -188,7 +188,7 @@ pub fn replay(history: &History, slots: usize, progress: &(dyn Fn(u64) + Sync)) 
             }
             batch = join(batches, &level);
         }
-        let refined = refine(&level, &star, &batch, stored.placement.bias, Wanted { star: b > 0, element: true });
+        let refined = refine(&level, star, &batch, stored.placement.bias, Wanted { star: b > 0, element: true });
         s.descend(stored, &batch, &refined, &swaps, &birth_order);
         level = refined.level;
         star = refined.star;
