@@ -13,7 +13,7 @@ use std::collections::BinaryHeap;
 pub(super) type V = [f64; 3];
 
 /// Points that bisection may measure in one direction, beside the corners.
-const BUDGET: usize = 192;
+const BUDGET: usize = 128;
 /// Bisection stops where bound over attained distance is below this.
 const CLOSE: f64 = 1.2;
 /// Triangles of a block.

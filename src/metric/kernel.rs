@@ -142,11 +142,21 @@ fn prepare(b: &mut Block) {
     }
 }
 
-/// Squared distance from `x` to the nearest triangle.
+/// The smallest lane.
 #[inline(always)]
-fn distance2(x: [f32; 3], blocks: &[Block]) -> f32 {
+fn least(a: &Lane) -> f32 {
+    let half: [f32; 4] = std::array::from_fn(|l| smaller(a[l], a[l + 4]));
+    smaller(smaller(half[0], half[2]), smaller(half[1], half[3]))
+}
+
+/// Squared distance from `x` to the nearest triangle, or anything from there to `enough` where it is not larger than that.
+#[inline(always)]
+fn distance2(x: [f32; 3], blocks: &[Block], enough: f32) -> f32 {
     let mut best = [f32::INFINITY; LANES];
-    for b in blocks {
+    for (i, b) in blocks.iter().enumerate() {
+        if i > 0 && least(&best) <= enough {
+            break;
+        }
         for l in 0..LANES {
             let w = sub(x, lane(&b.c, l));
             let (e0, e1) = (lane(&b.e0, l), lane(&b.e1, l));
@@ -164,8 +174,7 @@ fn distance2(x: [f32; 3], blocks: &[Block]) -> f32 {
             best[l] = smaller(best[l], d);
         }
     }
-    let half: [f32; 4] = std::array::from_fn(|l| smaller(best[l], best[l + 4]));
-    smaller(smaller(half[0], half[2]), smaller(half[1], half[3]))
+    least(&best)
 }
 
 /// Squared distance from `x` to the segment from `c` to `d`.
@@ -227,7 +236,8 @@ fn ordinary(patch: &Patch, scratch: &mut Scratch) -> (f32, bool) {
     }
     lay_out(patch, scratch);
 
-    let mut worst = larger(distance2(a, &scratch.after), distance2(b, &scratch.after));
+    let mut worst = distance2(a, &scratch.after, 0.0);
+    worst = larger(worst, distance2(b, &scratch.after, worst));
     if patch.borders {
         worst = larger(worst, borders(patch, a, b));
     }
@@ -459,14 +469,14 @@ fn crossings(patch: &Patch, scratch: &mut Scratch, frame: &[[f32; 3]; 3], mut wo
         }
         // Each spoke belongs to its patch: the distance to it bounds the distance to the patch.
         if segment2(k.before, [0.0; 3], k.y) > worst {
-            worst = larger(worst, distance2(k.before, &scratch.after));
+            worst = larger(worst, distance2(k.before, &scratch.after, worst));
         }
         if segment2(k.after, k.c, k.x) > worst {
             if !complete {
                 scratch.before.iter_mut().for_each(prepare);
                 complete = true;
             }
-            worst = larger(worst, distance2(k.after, &scratch.before));
+            worst = larger(worst, distance2(k.after, &scratch.before, worst));
         }
     }
     worst
@@ -564,7 +574,7 @@ fn middles(patch: &Patch, scratch: &mut Scratch, mut worst: f32) -> f32 {
         for (has, c) in [(r.spoke_a, a), (r.spoke_b, b)] {
             let middle = [0.5 * (c[0] + r.at[0]), 0.5 * (c[1] + r.at[1]), 0.5 * (c[2] + r.at[2])];
             if has && segment2(middle, zero, r.at) > worst {
-                worst = larger(worst, distance2(middle, &scratch.after));
+                worst = larger(worst, distance2(middle, &scratch.after, worst));
             }
         }
         let middle = scale(r.at, 0.5);
@@ -574,7 +584,7 @@ fn middles(patch: &Patch, scratch: &mut Scratch, mut worst: f32) -> f32 {
                 scratch.before.iter_mut().for_each(prepare);
                 complete = true;
             }
-            worst = larger(worst, distance2(middle, &scratch.before));
+            worst = larger(worst, distance2(middle, &scratch.before, worst));
         }
     }
     worst

@@ -37,8 +37,7 @@ pub fn follow(c: &Coarsened, fine: &Level, star: &Star, error: &[f32], anchor: [
             out[w as usize] = out[w as usize].max(error[v] + drop);
         }
     }
-    // A bound far below what stands already need not be sharp.
-    let enough = out.iter().fold(0f32, |a, &b| a.max(b)) as f64 / 16.0;
+    let stands = out.iter().fold(0f32, |a, &b| a.max(b));
     let bounds: Vec<f32> = c
         .pairs
         .par_chunks(CHUNK)
@@ -47,15 +46,18 @@ pub fn follow(c: &Coarsened, fine: &Level, star: &Star, error: &[f32], anchor: [
             <(Gatherer, Patch, BoundScratch, Pieces)>::default,
             |(gatherer, patch, scratch, pieces), (chunk, pairs)| {
                 gatherer.forget();
+                let around = |a, b| star.get(a).iter().chain(star.get(b)).map(|&f| fine.faces.get(f));
                 let mut list = Vec::with_capacity(pairs.len());
                 for (i, &[a, b]) in pairs.iter().enumerate() {
                     let v = c.batch.vertex[chunk * CHUNK + i];
                     let (pa, pb, pv) = (shown[a as usize], shown[b as usize], show(c.level.positions[v as usize]));
                     let to_v: [f64; 3] = std::array::from_fn(|k| pv[k] as f64 - (pa[k] as f64 + pb[k] as f64) / 2.0);
+                    let worst = around(a, b).flatten().map(|&x| error[x as usize]).fold(0f32, f32::max);
+                    // A bound far below what stands already need not be sharp, nor one that leaves half the way up to it.
+                    let enough = (stands / 16.0).max((stands - worst - drop) / 2.0) as f64;
                     gatherer.read(&fine.faces, star, &shown, a, b, patch);
-                    let around = || star.get(a).iter().chain(star.get(b)).map(|&f| fine.faces.get(f));
                     let moved = if patch.polygons {
-                        pieces.bound([pa, pb, pv], around, c, v, &shown, enough, scratch)
+                        pieces.bound([pa, pb, pv], || around(a, b), c, v, &shown, enough, scratch)
                     } else if patch.class == Class::Illegal {
                         let reach =
                             |p: [f32; 3]| (0..3).map(|k| (pv[k] - p[k]) as f64).map(|d| d * d).sum::<f64>().sqrt();
@@ -63,7 +65,6 @@ pub fn follow(c: &Coarsened, fine: &Level, star: &Star, error: &[f32], anchor: [
                     } else {
                         hausdorff_bound(patch, to_v, enough, scratch)
                     };
-                    let worst = around().flatten().map(|&x| error[x as usize]).fold(0f32, f32::max);
                     list.push((worst + drop + moved as f32 + rounding) * 1.000_001);
                 }
                 list
