@@ -159,14 +159,14 @@ pub fn code_delta<C: Coder>(
     let (xy, xz) = (sigma(0, 1), sigma(0, 2));
     let dx = out(coder, m, 0, mu[0], deviation(xx));
     let ex = (dx as i64 * Q - mu[0]).clamp(-(1 << 34), 1 << 34);
-    let slope_y = (xy << 12) / xx;
-    let slope_z = (xz << 12) / xx;
-    let yy = (sigma(1, 1) - (slope_y * xy >> 12)).max(1);
-    let yz = sigma(1, 2) - (slope_y * xz >> 12);
+    let steep = |rise: i64, run: i64| ((rise << 12) / run).clamp(-(1 << 24), 1 << 24);
+    let (slope_y, slope_z) = (steep(xy, xx), steep(xz, xx));
+    let yy = (sigma(1, 1) - (slope_y.saturating_mul(xy) >> 12)).max(1);
+    let yz = sigma(1, 2) - (slope_y.saturating_mul(xz) >> 12);
     let dy = out(coder, m, 1, mu[1] + (slope_y * ex >> 12), deviation(yy));
     let ey = (dy as i64 * Q - mu[1] - (slope_y * ex >> 12)).clamp(-(1 << 34), 1 << 34);
-    let slope = ((yz << 12) / yy).clamp(-(1 << 24), 1 << 24);
-    let zz = (sigma(2, 2) - (slope_z * xz >> 12) - (slope * yz >> 12)).max(1);
+    let slope = steep(yz, yy);
+    let zz = (sigma(2, 2) - (slope_z.saturating_mul(xz) >> 12) - (slope.saturating_mul(yz) >> 12)).max(1);
     let dz = out(coder, m, 2, mu[2] + (slope_z * ex >> 12) + (slope * ey >> 12), deviation(zz));
     let delta = [dx, dy, dz];
 
@@ -187,7 +187,8 @@ pub fn code_delta<C: Coder>(
     if reach < 1 << 24 {
         let seen = dot(delta.map(|c| c as i64), t).clamp(-(1 << 40), 1 << 40) >> 6;
         // In units of the mean edge, so that no single split rules.
-        let (x, y) = ((seen << 8) / patch.mean, (reach << 8) / patch.mean);
+        let scaled = |length: i64| ((length << 8) / patch.mean).clamp(-(1 << 16), 1 << 16);
+        let (x, y) = (scaled(seen), scaled(reach));
         m.along += ((x * y) >> 6) - (m.along >> 8);
         m.square += ((y * y) >> 6) - (m.square >> 8);
         m.along = m.along.clamp(0, m.square);
