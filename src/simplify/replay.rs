@@ -18,7 +18,7 @@ use thiserror::Error;
 /// A run of levels that share one coder grows by at least this much (in 1/12) before it ends: the more a chunk's
 /// seven bytes of table and checksum weigh, the later.
 fn growth(slots: usize) -> usize {
-    if slots < 20_000 { 16 } else { 14 }
+    if slots < 8_000 { 16 } else { 14 }
 }
 /// A run is not ended below this many vertices.
 const SMALL: usize = 256;
