@@ -551,11 +551,3 @@ fn code_general<C: Coder>(
     std::mem::swap(split, trial);
     Some(swap)
 }
-
-/// For tests and accounts: the scalar weights as they stand.
-impl CutModels {
-    /// All weights of the scores, in 1/65536 bit.
-    pub fn weights(&self) -> Vec<i32> {
-        [&self.edge[..], &self.face, &self.child, &self.scalar, &[self.border]].concat()
-    }
-}

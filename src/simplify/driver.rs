@@ -93,7 +93,7 @@ pub fn simplify(level: Level, options: &SimplifyOptions, progress: &(dyn Fn(u64)
         let placement = Placement { shift, alpha, bias: history.batches.len() as i32 & 1 };
         let c = coarsen(level, &star, &edges, &leaving, placement);
         let mut stored = Stored::new(&c, level, &history.vertex_slot, &history.face_slot, placement);
-        exact = follow(&c, &exact, level, anchor);
+        exact = follow(&c, &exact, level);
         error = super::error::follow(&c, level, &star, &error, anchor);
         stored.error = error.iter().fold(0f32, |a, &b| a.max(b)) as f64;
         let old_of_new = first_of(&c);
@@ -168,7 +168,7 @@ fn first_of(c: &Coarsened) -> Vec<u32> {
 }
 
 /// Positions without rounding: the merged vertex lies at the midpoint, plus what curvature compensation added.
-fn follow(c: &Coarsened, exact: &[[f32; 3]], fine: &Level, _anchor: [i32; 3]) -> Vec<[f32; 3]> {
+fn follow(c: &Coarsened, exact: &[[f32; 3]], fine: &Level) -> Vec<[f32; 3]> {
     let mut out: Vec<[f32; 3]> = first_of(c).iter().map(|&v| exact[v as usize]).collect();
     let down = c.level.shift - fine.shift;
     for (i, &[a, b]) in c.pairs.iter().enumerate() {
