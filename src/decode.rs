@@ -401,6 +401,7 @@ impl Decoder {
             positions: self.positions(),
             face_start: self.level.faces.start.clone(),
             corners: self.level.faces.corners.clone(),
+            ..Mesh::default()
         };
         if let (Some(aside), true) = (&self.aside, self.at.is_some_and(|l| l as usize + 1 == self.rows.len())) {
             for f in aside.iter() {

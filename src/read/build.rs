@@ -284,7 +284,8 @@ impl Builder {
             map.extend(0..self.positions.len() as u32);
             map
         };
-        let mesh = Mesh { positions: self.positions, face_start: self.face_start, corners: self.corners };
+        let mesh =
+            Mesh { positions: self.positions, face_start: self.face_start, corners: self.corners, ..Mesh::default() };
         debug_assert_eq!(mesh.validate(), Ok(()));
         Ok(ReadMesh { mesh, map, warnings: self.tally.warnings() })
     }

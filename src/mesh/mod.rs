@@ -2,7 +2,14 @@
 //! or manifoldness assumed.
 //!
 //! Invariants (checked by [`Mesh::validate`]): `face_start` begins with 0, is non-decreasing and ends with
-//! `corners.len()`; every element has at least two corners; every corner names a vertex; coordinates are finite.
+//! `corners.len()`; every element has at least two corners; every corner names a vertex; coordinates are finite; a layer has a value or
+//! [`NO_VALUE`] for each corner, the latter at all corners of an element or at none, and its numbers are finite.
+
+mod appearance;
+mod layer;
+
+pub use appearance::{Appearance, Image};
+pub use layer::{Layer, LayerKind, MAX_WIDTH, NO_VALUE, Stored};
 
 use thiserror::Error;
 
@@ -18,6 +25,12 @@ pub struct Mesh {
     pub face_start: Vec<u32>,
     /// The vertex of each corner.
     pub corners: Vec<u32>,
+    /// Attributes on corners.
+    pub layers: Vec<Layer>,
+    /// For each element its material, or [`NO_VALUE`]; empty where no element has one.
+    pub material: Vec<u32>,
+    /// Materials, textures and images.
+    pub appearance: Appearance,
 }
 
 /// What is wrong with a mesh handed in by a caller.
@@ -57,6 +70,24 @@ pub enum MeshError {
         face: usize,
         /// Its number of corners.
         degree: usize,
+    },
+    /// A layer is not one of the mesh: `what` says how.
+    #[error("layer {layer}: {what} ({at})")]
+    Layer {
+        /// Its name.
+        layer: String,
+        /// What is wrong.
+        what: &'static str,
+        /// Where: a corner, a face or a value, from 0, as `what` says.
+        at: usize,
+    },
+    /// Materials that the mesh does not have, or not one for each element.
+    #[error("{what} ({at})")]
+    Material {
+        /// What is wrong.
+        what: &'static str,
+        /// The face, or the number of entries.
+        at: usize,
     },
     /// More vertices or corners than 32-bit numbers hold.
     #[error("{what}: {count} exceed the limit of {limit}")]
@@ -147,6 +178,51 @@ impl Mesh {
             if let Some(&value) = p.iter().find(|c| !c.is_finite()) {
                 return Err(MeshError::NotFinite { vertex, value });
             }
+        }
+        self.layers.iter().try_for_each(|layer| self.validate_layer(layer))?;
+        if !self.material.is_empty() && self.material.len() != self.face_count() {
+            return Err(MeshError::Material {
+                what: "there is not one material for each face",
+                at: self.material.len(),
+            });
+        }
+        let materials = self.appearance.materials.len();
+        if let Some(at) = self.material.iter().position(|&m| m != NO_VALUE && m as usize >= materials) {
+            return Err(MeshError::Material { what: "face has a material that is not there", at });
+        }
+        Ok(())
+    }
+
+    fn validate_layer(&self, layer: &Layer) -> Result<(), MeshError> {
+        let fail = |what, at| Err(MeshError::Layer { layer: layer.name.clone(), what, at });
+        if !(1..=MAX_WIDTH).contains(&layer.width) {
+            return fail("a value has 1 to 4 components", layer.width as usize);
+        }
+        if layer.values.len() % layer.width as usize != 0 || layer.len() > u32::MAX as usize - 1 {
+            return fail("not a whole number of values, or more than 2^32 - 2", layer.values.len());
+        }
+        if layer.corners.len() != self.corners.len() {
+            return fail("not one value for each corner", layer.corners.len());
+        }
+        let n = layer.len() as u32;
+        if let Some(at) = layer.corners.iter().position(|&i| i != NO_VALUE && i >= n) {
+            return fail("corner names a value that is not there", at);
+        }
+        for f in 0..self.face_count() {
+            let own = &layer.corners[self.face_start[f] as usize..self.face_start[f + 1] as usize];
+            if own.contains(&NO_VALUE) && own.iter().any(|&i| i != NO_VALUE) {
+                return fail("face has values at some corners only", f);
+            }
+        }
+        let mut last = None;
+        for &[v, i] in &layer.isolated {
+            if v as usize >= self.positions.len() || i >= n || last.is_some_and(|l| l >= v) {
+                return fail("isolated vertices out of order or range", v as usize);
+            }
+            last = Some(v);
+        }
+        if let Some(at) = layer.values.iter().position(|x| !x.is_finite()) {
+            return fail("value is not a finite number", at / layer.width as usize);
         }
         Ok(())
     }
