@@ -224,7 +224,10 @@ impl Decoder {
             return Err(corrupt(next, "other counts than the header announces"));
         }
         let limit = LIMIT >> self.level.shift;
-        if self.level.positions.iter().flatten().any(|&c| (c as i64).abs() > limit) {
+        let far = par::map(self.level.positions.chunks(1 << 15).collect(), |run: &[[i32; 3]]| {
+            run.as_flattened().iter().fold(0, |far, c| far.max(c.unsigned_abs()))
+        });
+        if far.iter().any(|&c| c as i64 > limit) {
             return Err(corrupt(next, "coordinates out of range"));
         }
         Ok(Step::Level(next))
