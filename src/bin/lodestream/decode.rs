@@ -8,7 +8,6 @@ use crate::stream::Stream;
 use anyhow::{Context, Result, bail};
 use lodestream::container::Front;
 use lodestream::decode::DecodeOptions;
-use lodestream::write::{self, WriteOptions};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -128,7 +127,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
     args.machine.run(|threads| {
         let mut stream = Stream::open(&args.input)?;
         let level = args.choice.pick(stream.front()).with_context(|| name.clone())?;
-        Output::check(&args.output)?;
+        let output = Output::create(&args.output)?;
         let bars = Bars::new(!args.json);
         let mut reached = stream.decode(level, options(args.machine.memory_limit), &bars, |_, _| Ok(()))?;
         let mut warnings = Vec::new();
@@ -152,7 +151,8 @@ pub fn run(args: &Args) -> Result<Outcome> {
         let decode_time = reached.decode_time + mesh_start.elapsed();
         let write_start = Instant::now();
         let lattice = &stream.front().header().lattice;
-        let left_out = write::write_path(&args.output, &mesh, Some(lattice), &WriteOptions::default())?;
+        let left_out = output.write_mesh(&mesh, Some(lattice))?;
+        output.commit()?;
         let write_seconds = shared::seconds(write_start);
         warnings.iter().for_each(|w| shared::warn(format!("{name}: {w}")));
         left_out.iter().for_each(|w| shared::warn(format!("{}: {w}", args.output.display())));

@@ -12,7 +12,6 @@ use lodestream::encode::{self, EncodeOptions, Progress};
 use lodestream::generate;
 use lodestream::mesh::Mesh;
 use lodestream::picture::{self, Picture, Shading, Tile, View};
-use lodestream::write::{self, WriteOptions};
 use std::fmt::Write as _;
 use std::io::{self, Cursor, IsTerminal};
 use std::path::PathBuf;
@@ -51,7 +50,9 @@ pub fn run(args: &Args) -> Result<Outcome> {
         // Four fifths of the vertices in one closed surface, the rest in crumbs of a bit less than three each.
         let frequency = (f64::from(args.vertices) * 0.08).sqrt().max(1.0) as u32;
         let mesh = generate::ringed_asteroid(frequency, args.vertices / 14, u64::from(args.seed));
-        write::write_path(&source, &mesh, None, &WriteOptions::default())?;
+        let output = Output::create(&source)?;
+        output.write_mesh(&mesh, None)?;
+        output.commit()?;
         shared::print(&format!(
             "made     {}: {} vertices, {} faces, an asteroid in a ring of {} loose pieces\n",
             source.display(),

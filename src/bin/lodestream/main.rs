@@ -1,7 +1,8 @@
 //! The command line: one file per command, what they share in `shared`, `output`, `progress` and `stream`.
 //!
 //! Standard output carries results only (with `--json` exactly one object); progress, warnings and errors go to standard
-//! error. Exit codes: 0 done, 1 a file could not be read, decoded or written, 2 wrong usage, 3 `verify` found a difference.
+//! error. Exit codes: 0 done, 1 a file could not be read, decoded or written, 2 wrong usage, 3 `verify` found a difference,
+//! 130 stopped by a signal.
 #![forbid(unsafe_code)]
 
 mod decode;
@@ -11,6 +12,7 @@ mod info;
 mod output;
 mod progress;
 mod shared;
+mod signal;
 mod stream;
 mod verify;
 
@@ -32,7 +34,7 @@ Examples:
   lodestream verify scan.lods --against scan.ply
   lodestream demo
 
-Exit codes: 0 done; 1 a file could not be read, decoded or written; 2 wrong usage; 3 verify found a difference.";
+Exit codes: 0 done; 1 a file could not be read, decoded or written; 2 wrong usage; 3 verify found a difference; 130 stopped by a signal.";
 
 #[derive(Subcommand)]
 enum Command {
@@ -65,6 +67,7 @@ fn main() -> ExitCode {
         }
         Err(help) => help.exit(),
     };
+    signal::clean_up_when_stopped();
     let result = match &cli.command {
         Command::Encode(args) => encode::run(args),
         Command::Decode(args) => decode::run(args),

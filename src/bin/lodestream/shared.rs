@@ -132,16 +132,22 @@ pub fn open(path: &Path) -> Result<Box<dyn io::Read>> {
         return Ok(Box::new(io::stdin()));
     }
     let shown = path.display();
-    match std::fs::metadata(path) {
-        Ok(meta) if meta.is_dir() => bail!("{shown}: this is a folder; name a file"),
-        Ok(_) => {}
-        Err(e) if matches!(e.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => {
-            bail!("{shown}: there is no such file; check the path")
-        }
-        Err(e) => bail!("{shown}: cannot be read: {e}"),
+    let opened = std::fs::metadata(path).and_then(|meta| {
+        if meta.is_dir() { Err(io::ErrorKind::IsADirectory.into()) } else { std::fs::File::open(path) }
+    });
+    match opened {
+        Ok(file) => Ok(Box::new(file)),
+        Err(e) => match e.kind() {
+            io::ErrorKind::IsADirectory => bail!("{shown}: this is a folder; name a file"),
+            io::ErrorKind::NotFound | io::ErrorKind::NotADirectory => {
+                bail!("{shown}: there is no such file; check the path")
+            }
+            io::ErrorKind::PermissionDenied => {
+                bail!("{shown}: no permission to read it; check the owner and mode of the file")
+            }
+            _ => bail!("{shown}: cannot be read: {e}"),
+        },
     }
-    let file = std::fs::File::open(path).with_context(|| format!("{shown}: cannot be read"))?;
-    Ok(Box::new(file))
 }
 
 /// `500`, `500MB`, `1.5GiB`, in bytes.
