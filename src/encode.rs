@@ -6,7 +6,7 @@ use crate::complex::{Faces, Level};
 use crate::container::{self, AsideCounts, Chunk, ContainerError, ErrorBound, Header, LevelInfo};
 use crate::lattice::{Lattice, LatticeError, Quantization};
 use crate::mesh::{Mesh, MeshError};
-use crate::simplify::{ReplayError, SimplifyOptions, replay, simplify};
+use crate::simplify::{ReplayError, SimplifyOptions, reorder, replay, simplify};
 use std::collections::HashSet;
 use std::time::Instant;
 use thiserror::Error;
@@ -138,13 +138,18 @@ pub fn encode(
     });
     let total = positions.len() as u64;
     let slots = positions.len();
-    let level = Level { positions, faces, shift: 0 };
+    let mut level = Level { positions, faces, shift: 0 };
+    let place = reorder(&mut level);
     let simplify_options = SimplifyOptions { lock_borders: options.lock_borders, ..SimplifyOptions::default() };
     let history = simplify(level, &simplify_options, &|left| {
         progress(Progress { stage: Stage::Simplify, done: total - left, total });
     });
     let clock = Instant::now();
-    let replayed = replay(&history, slots, &|done| progress(Progress { stage: Stage::Encode, done, total }))?;
+    let mut replayed = replay(&history, slots, &|done| progress(Progress { stage: Stage::Encode, done, total }))?;
+    if let Some(place) = place {
+        // Back to the caller's numbers.
+        replayed.number = place.iter().map(|&v| replayed.number[v as usize]).collect();
+    }
 
     let mut chunks: Vec<Chunk> = replayed
         .pieces

@@ -9,13 +9,24 @@ mod shapes;
 
 pub use defects::{crumbs, fan_book, point_cloud, soup};
 pub use random::Random;
-pub use shapes::{asteroid, cylinder, mixed, ringed_asteroid, sphere, terrain, torus};
+pub use shapes::{asteroid, cylinder, mixed, ringed_asteroid, scattered_terrain, sphere, terrain, torus};
 
 use crate::mesh::Mesh;
 
 /// Names that [`by_name`] knows, in order.
-pub const NAMES: [&str; 10] =
-    ["asteroid", "crumbs", "cylinder", "fan-book", "mixed", "points", "soup", "sphere", "terrain", "torus"];
+pub const NAMES: [&str; 11] = [
+    "asteroid",
+    "crumbs",
+    "cylinder",
+    "fan-book",
+    "mixed",
+    "points",
+    "scattered-terrain",
+    "soup",
+    "sphere",
+    "terrain",
+    "torus",
+];
 
 /// The generated mesh `name` of about `size` vertices (exactly `size` for terrains and point clouds), or `None` where the name is not known.
 pub fn by_name(name: &str, size: u32, seed: u64) -> Option<Mesh> {
@@ -29,6 +40,7 @@ pub fn by_name(name: &str, size: u32, seed: u64) -> Option<Mesh> {
         "fan-book" => fan_book((size / 4).clamp(3, 64), size / 256 + 1, seed),
         "mixed" => mixed(side, side, seed),
         "points" => point_cloud(size, seed),
+        "scattered-terrain" => scattered_terrain(size, seed),
         "soup" => soup(size, size.saturating_mul(2), seed),
         "sphere" => sphere(frequency, 0.02, seed),
         "terrain" => terrain(size, seed),

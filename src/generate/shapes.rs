@@ -34,6 +34,28 @@ pub fn terrain(vertices: u32, seed: u64) -> Mesh {
     mesh
 }
 
+/// [`terrain`] with its vertices and faces in no order at all.
+pub fn scattered_terrain(vertices: u32, seed: u64) -> Mesh {
+    let mut random = Random::new(seed);
+    let ordered = terrain(vertices, seed);
+    let mut place: Vec<u32> = (0..vertices).collect();
+    let mut order: Vec<u32> = (0..ordered.face_count() as u32).collect();
+    for list in [&mut place, &mut order] {
+        for i in (1..list.len()).rev() {
+            list.swap(i, random.below(i as u32 + 1) as usize);
+        }
+    }
+    let mut mesh = Mesh { positions: ordered.positions.clone(), ..Mesh::default() };
+    for (p, &v) in ordered.positions.iter().zip(&place) {
+        mesh.positions[v as usize] = *p;
+    }
+    for f in order {
+        let corners: Vec<u32> = ordered.face(f as usize).iter().map(|&v| place[v as usize]).collect();
+        mesh.push_face(&corners);
+    }
+    mesh
+}
+
 /// A unit sphere of `10·frequency² + 2` vertices (an icosahedron whose sides are cut into `frequency` parts), moved
 /// along the normal by noise of the given amplitude.
 pub fn sphere(frequency: u32, amplitude: f64, seed: u64) -> Mesh {

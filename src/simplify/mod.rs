@@ -3,11 +3,13 @@
 mod driver;
 mod error;
 mod history;
+mod order;
 mod replay;
 mod select;
 
 pub use driver::{SimplifyOptions, simplify};
 pub use history::{History, Stored, StoredTriangle};
+pub use order::reorder;
 pub use replay::{Piece, ReplayError, Replayed, replay};
 pub use select::{SelectInput, SelectOptions, select};
 
