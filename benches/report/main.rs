@@ -237,18 +237,41 @@ fn print_bits(rows: &[Measured]) {
     }
 }
 
-/// Cost per vertex as size grows.
+/// A row of the scaling table: what is counted per vertex, and its values along the series.
+pub type Cost = (&'static str, Vec<Option<f64>>);
+
+/// Cost per vertex as size grows, and the series it was measured on; empty where there is no series.
+pub fn scaling(rows: &[Measured]) -> (Vec<&Measured>, Vec<Cost>) {
+    let series: Vec<&Measured> = rows.iter().filter(|r| r.name.contains("/terrain-")).collect();
+    let microseconds =
+        |speed: fn(&Measured) -> Option<f64>| series.iter().map(|r| speed(r).map(|s| 1e6 / s)).collect::<Vec<_>>();
+    let bytes = |memory: fn(&Measured) -> Option<f64>| series.iter().map(|r| memory(r)).collect::<Vec<_>>();
+    let costs = vec![
+        ("encode, µs", microseconds(Measured::encode_speed)),
+        ("encode, µs of processor time", microseconds(Measured::encode_cpu_speed)),
+        ("decode, µs", microseconds(Measured::decode_speed)),
+        ("decode, µs of processor time", microseconds(Measured::decode_cpu_speed)),
+        ("encode, bytes of memory", bytes(Measured::encode_memory_per_vertex)),
+        ("decode, bytes of memory", bytes(Measured::decode_memory_per_vertex)),
+    ];
+    (series, costs)
+}
+
+/// A cost in as many digits as it deserves.
+pub fn digits(cost: Option<f64>) -> String {
+    cost.map_or("–".to_string(), |c| if c < 100.0 { format!("{c:.2}") } else { format!("{c:.0}") })
+}
+
 fn print_scaling(rows: &[Measured]) {
-    let series: Vec<&Measured> = rows.iter().filter(|r| r.name.starts_with("scaling/")).collect();
-    let costs =
-        |f: fn(&Measured) -> Option<f64>| -> Vec<f64> { series.iter().filter_map(|r| f(r)).map(|s| 1e9 / s).collect() };
+    let (series, costs) = scaling(rows);
     if series.len() < 2 {
         return;
     }
-    println!("\nscaling: nanoseconds per vertex");
-    for (name, costs) in [("encode", costs(Measured::encode_speed)), ("decode", costs(Measured::decode_speed))] {
-        let (least, most) = costs.iter().fold((f64::INFINITY, 0f64), |(lo, hi), &c| (lo.min(c), hi.max(c)));
-        let shown: Vec<String> = costs.iter().map(|c| format!("{c:.0}")).collect();
-        println!("  {name}: {} (largest / smallest {:.2})", shown.join(", "), most / least);
+    println!("\nscaling, per vertex");
+    let names: Vec<String> = series.iter().map(|r| format!("{:>24}", format!("{}, {} bits", r.name, r.bits))).collect();
+    println!("  {:<32}{}", "", names.join(""));
+    for (name, costs) in costs {
+        let cells: Vec<String> = costs.into_iter().map(|c| format!("{:>24}", digits(c))).collect();
+        println!("  {name:<32}{}", cells.join(""));
     }
 }

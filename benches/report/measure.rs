@@ -14,9 +14,10 @@ use std::time::Instant;
 /// Levels whose error is measured, at most.
 const MEASURED_LEVELS: usize = 8;
 
-/// What was found out about a dataset, at 12 bits.
+/// What was found out about a dataset, at 12 bits; the scaling series at as many as keep the detail equal.
 pub struct Measured {
     pub name: String,
+    pub bits: u8,
     pub vertices: usize,
     pub faces: usize,
     /// Vertices that a face names; all of them where there is no face.
@@ -27,6 +28,7 @@ pub struct Measured {
     pub encode_seconds: f64,
     pub encode_memory: u64,
     pub decode_seconds: f64,
+    pub decode_cpu_seconds: f64,
     pub decode_memory: u64,
     pub levels: Vec<LevelRow>,
     pub draco: Option<DracoRun>,
@@ -87,6 +89,11 @@ impl Measured {
         (self.decode_seconds > 0.0).then(|| self.vertices as f64 / self.decode_seconds)
     }
 
+    /// Vertices per second of processor time, from bytes in memory to the full level in memory.
+    pub fn decode_cpu_speed(&self) -> Option<f64> {
+        (self.decode_cpu_seconds > 0.05).then(|| self.vertices as f64 / self.decode_cpu_seconds)
+    }
+
     /// Peak memory of the encoding process; small meshes only show the program itself.
     pub fn encode_memory_per_vertex(&self) -> Option<f64> {
         (self.vertices >= 20_000).then(|| self.encode_memory as f64 / self.vertices as f64)
@@ -102,6 +109,7 @@ impl Measured {
         let rate = |bytes: u64| 8.0 * bytes as f64 / self.in_use as f64;
         json!({
             "name": self.name,
+            "bits": self.bits,
             "vertices": self.vertices,
             "vertices_in_use": self.in_use,
             "faces": self.faces,
@@ -115,6 +123,7 @@ impl Measured {
             "encode_peak_memory_bytes": self.encode_memory,
             "decode_seconds": self.decode_seconds,
             "decode_vertices_per_second": self.decode_speed(),
+            "decode_vertices_per_cpu_second": self.decode_cpu_speed(),
             "decode_peak_memory_bytes": self.decode_memory,
             "prefix": self.prefix_rate().map(|(share, bits)| json!({ "share_of_vertices": share, "bits_per_vertex": bits })),
             "draco": self.draco.as_ref().map(|d| json!({
@@ -149,6 +158,7 @@ pub fn dataset(
     repeats: u32,
 ) -> Result<Measured, String> {
     let mesh = dataset.load(None)?;
+    let bits = bits(dataset);
     let mut used = vec![false; mesh.vertex_count()];
     mesh.corners.iter().for_each(|&v| used[v as usize] = true);
     let in_use = match used.iter().filter(|u| **u).count() {
@@ -161,25 +171,26 @@ pub fn dataset(
     write::write_path(&source, &mesh, None, &WriteOptions::default()).map_err(|e| e.to_string())?;
     let (mut encode, mut encode_seconds) = (Value::Null, f64::INFINITY);
     for _ in 0..repeats {
-        let account = encode_once(&source, &lods, 12)?;
+        let account = encode_once(&source, &lods, bits)?;
         let seconds = |field: &str| account["seconds"][field].as_f64().unwrap_or(0.0);
         let working = seconds("total") - seconds("read") - seconds("write");
         if working < encode_seconds {
             (encode, encode_seconds) = (account, working);
         }
     }
-    let (mut decode_seconds, mut decode_memory) = (f64::INFINITY, 0);
+    let (mut decode_seconds, mut decode_cpu_seconds, mut decode_memory) = (f64::INFINITY, f64::INFINITY, 0);
     for _ in 0..repeats {
         let me = std::env::current_exe().map_err(|e| e.to_string())?;
         let account = json_of(Command::new(me).arg("--child-decode").arg(&lods))?;
         decode_seconds = decode_seconds.min(account["seconds"].as_f64().unwrap_or(f64::INFINITY));
+        decode_cpu_seconds = decode_cpu_seconds.min(account["cpu_seconds"].as_f64().unwrap_or(f64::INFINITY));
         decode_memory = decode_memory.max(account["peak_memory_bytes"].as_u64().unwrap_or(0));
     }
     let mut by_bits = Vec::new();
     let mut draco_run = None;
     if let Some(draco) = draco {
         draco::write_obj(&mesh, &obj)?;
-        draco_run = draco.run(&obj, &mesh, 12, repeats);
+        draco_run = draco.run(&obj, &mesh, bits, repeats);
     }
     let bytes = std::fs::metadata(&lods).map_err(|e| e.to_string())?.len();
     let levels = levels(&lods, &mesh)?;
@@ -197,6 +208,7 @@ pub fn dataset(
     }
     Ok(Measured {
         name: dataset.name.clone(),
+        bits,
         vertices: mesh.vertex_count(),
         faces: mesh.face_count(),
         in_use,
@@ -205,11 +217,18 @@ pub fn dataset(
         encode,
         encode_seconds,
         decode_seconds,
+        decode_cpu_seconds,
         decode_memory,
         levels,
         draco: draco_run,
         by_bits,
     })
+}
+
+/// Bits per coordinate. In the scaling series a mesh of more vertices is more of the same: edges of about a dozen steps.
+fn bits(dataset: &Dataset) -> u8 {
+    let larger = if dataset.name.contains("/terrain-") { dataset.vertices as f64 / 1e5 } else { 1.0 };
+    12 + (0.5 * larger.log2()).round().clamp(0.0, 9.0) as u8
 }
 
 fn encode_once(source: &Path, lods: &Path, bits: u8) -> Result<Value, String> {
@@ -244,11 +263,12 @@ fn decode(bytes: &[u8], mut each: impl FnMut(u32, &mut Decoder)) -> Result<Decod
 pub fn child_decode(file: &Path) -> ExitCode {
     let run = || -> Result<Value, String> {
         let bytes = std::fs::read(file).map_err(|e| e.to_string())?;
-        let start = Instant::now();
+        let (start, cpu) = (Instant::now(), cpu_seconds());
         let decoder = decode(&bytes, |_, _| {})?;
         let seconds = start.elapsed().as_secs_f64();
+        let cpu = cpu_seconds() - cpu;
         std::hint::black_box(decoder.complex().positions.len());
-        Ok(json!({ "seconds": seconds, "peak_memory_bytes": peak_memory() }))
+        Ok(json!({ "seconds": seconds, "cpu_seconds": cpu, "peak_memory_bytes": peak_memory() }))
     };
     match run() {
         Ok(value) => {
@@ -260,6 +280,13 @@ pub fn child_decode(file: &Path) -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// Processor seconds of all threads of this process; user and system time are the 14th and 15th field, in hundredths.
+fn cpu_seconds() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let fields = stat.rsplit(')').next().unwrap_or("").split_whitespace().skip(11).take(2);
+    fields.filter_map(|f| f.parse::<f64>().ok()).sum::<f64>() / 100.0
 }
 
 fn peak_memory() -> u64 {
