@@ -242,7 +242,7 @@ impl Decoder {
         code_elements(&mut run.coder, &level.positions, &mut level.faces, row.corners as usize)
             .map_err(|_| corrupt(0, "elements that contradict the header or themselves"))?;
         self.parents = vec![crate::complex::NONE; level.positions.len()];
-        self.star = Star::build(level.positions.len(), &level.faces);
+        self.star = Star::with_next(level.positions.len(), &level.faces);
         self.level = level;
         self.end_run(0)
     }

@@ -296,7 +296,7 @@ fn segments_that_each_claim_all() -> Vec<u8> {
     let corners = level.faces.corners.len();
     code_elements(&mut base, &level.positions, &mut level.faces, corners).unwrap();
 
-    let star = Star::build(n, &level.faces);
+    let star = Star::with_next(n, &level.faces);
     let view = View::new(&level, &star);
     let pieces = segments(n);
     assert!(pieces > 3);

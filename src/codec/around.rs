@@ -10,9 +10,6 @@ use crate::complex::{Faces, Star};
 /// Larger fans are coded as general stars: ordering a star costs the square of its size.
 pub const MAX_FAN: usize = 48;
 
-/// Elements of more corners are looked at closely only where a vertex splits.
-pub const BIG: usize = 64;
-
 /// The shape of a star.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Shape {
@@ -55,14 +52,10 @@ impl Around {
         self.spokes.clear();
         self.spokes.extend(star.get(v).iter().enumerate().map(|(place, &f)| {
             let c = faces.get(f);
-            let (next, prev) = if let &[x, y, z] = c {
-                if x == v {
-                    (y, z)
-                } else if y == v {
-                    (z, x)
-                } else {
-                    (x, y)
-                }
+            let (next, prev) = if c.len() == 3 {
+                // Which corner is `v` is anyone's guess, so no branch should depend on it.
+                let (second, third) = ((c[1] == v) as usize, (c[2] == v) as usize);
+                (c[1 + second - third], c[(2 - 2 * second) - third])
             } else {
                 let n = c.len();
                 let at = c.iter().position(|&x| x == v).unwrap_or(0);

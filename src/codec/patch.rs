@@ -3,7 +3,7 @@
 //! Lengths are in 1/256 step, unit vectors have length 2^14. Coordinates of a valid level stay within ±2^26, and at most
 //! 64 elements are looked at, so that no sum leaves `i64`.
 
-use super::around::{Around, BIG};
+use super::around::Around;
 use crate::complex::placement::{cross, dot, root, sub, unit};
 use crate::complex::{Faces, Level, Star};
 
@@ -12,21 +12,28 @@ const LOOK: usize = 64;
 /// Elements whose neighbours' elements are counted.
 const CROWD: usize = 16;
 
+/// Bounds of the classes of lengths of the edges around a vertex, in 1/32 of the level's mean.
+const BOUNDS: [u128; 9] = [16, 21, 25, 29, 33, 38, 44, 52, 64];
+
 /// What a segment knows of the coarser level: all of it.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
     /// The level.
     pub level: &'a Level,
-    /// Its stars.
+    /// Its stars, with what follows in each element.
     pub star: &'a Star,
-    /// Its mean edge length (root mean square), in 1/256 step, at least 1.
-    pub mean_edge: i64,
+    /// For each number of edges the sum of squares from which on they count as so long: every vertex is surveyed, so that
+    /// nothing should be divided there, and no root be taken.
+    limits: [[u64; BOUNDS.len()]; LOOK + 1],
 }
 
 impl<'a> View<'a> {
     /// Look at a level.
     pub fn new(level: &'a Level, star: &'a Star) -> Self {
-        View { level, star, mean_edge: mean_edge(&level.positions, &level.faces) }
+        let mean = mean_edge(&level.positions, &level.faces) as u128;
+        // Square of the bound, in 1/2^26 square step; 2^63 steps at most.
+        let limit = |n: usize, b: u128| (n as u128 * (b * mean) * (b * mean)).div_ceil(1 << 26) as u64;
+        View { level, star, limits: std::array::from_fn(|n| BOUNDS.map(|b| limit(n, b))) }
     }
 }
 
@@ -59,13 +66,15 @@ pub struct Patch {
     pub vertex: u32,
     /// How many elements it has.
     pub elements: usize,
-    /// The mean number of elements at its neighbours, in 1/4.
-    pub crowd: usize,
+    /// How many elements its neighbours have, summed over its first [`CROWD`] elements.
+    crowd: usize,
+    /// Sum of the squares of its edges.
+    square: u64,
     /// Where it lies.
     pub at: [i32; 3],
     /// Unit normal, 0 where there is none.
     pub normal: [i64; 3],
-    /// Root mean square length of its edges, at least 1.
+    /// Root mean square length of its edges, at least 1; filled by [`Patch::order`].
     pub mean: i64,
     /// Mean distance of its neighbours from its tangent plane.
     pub height: i64,
@@ -76,32 +85,18 @@ pub struct Patch {
 impl Patch {
     /// Look around `v`: how many elements it has, how long its edges are, how many elements its neighbours have.
     ///
-    /// Of elements of more than [`BIG`] corners the neighbour counts as `v` itself: finding a corner takes as long as there
+    /// Of elements of more than [`BIG`](crate::complex::BIG) corners the neighbour counts as `v` itself: finding a corner takes as long as there
     /// are corners, and every vertex is surveyed.
     #[inline]
     pub fn survey(&mut self, view: &View, v: u32) {
         let p = &view.level.positions[..];
         let (at, star) = (p[v as usize], view.star.get(v));
         let (mut square, mut crowd) = (0i64, 0u32);
-        for (k, &f) in star[..star.len().min(LOOK)].iter().enumerate() {
-            let c = view.level.faces.get(f);
-            let next = if let &[x, y, z] = c {
-                if x == v {
-                    y
-                } else if y == v {
-                    z
-                } else {
-                    x
-                }
-            } else if c.len() > BIG {
-                v
-            } else {
-                let i = c.iter().position(|&x| x == v).unwrap_or(0);
-                c[if i + 1 == c.len() { 0 } else { i + 1 }]
-            };
+        let nexts = view.star.next(v);
+        for (k, &next) in nexts[..nexts.len().min(LOOK)].iter().enumerate() {
             let d = sub(p[next as usize], at);
-            // Squares of 54 bits, 64 of them at most, with 4 bits dropped.
-            square += (dot(d, d) + 15) >> 4;
+            // Squares of 56 bits, 64 of them at most.
+            square += dot(d, d);
             if k < CROWD {
                 crowd += view.star.start[next as usize + 1] - view.star.start[next as usize];
             }
@@ -109,17 +104,29 @@ impl Patch {
         self.vertex = v;
         self.at = at;
         self.elements = star.len();
-        self.crowd = crowd as usize * 4 / star.len().clamp(1, CROWD);
-        // The mean square times 2^12 has its root in 1/64 step.
-        let square = square as u64 / star.len().clamp(1, LOOK) as u64;
-        self.mean =
-            if square < 1 << 46 { (root(square << 16) << 2) as i64 } else { (root(square) << 10) as i64 }.max(1);
+        self.crowd = crowd as usize;
+        self.square = square as u64;
+    }
+
+    /// How long the edges are over the mean of the level, in ten classes.
+    #[inline]
+    pub fn long(&self, view: &View) -> usize {
+        view.limits[self.elements.min(LOOK)].iter().map(|&limit| (self.square >= limit) as usize).sum()
+    }
+
+    /// How many elements the neighbours have, in four classes: 21/4, 24/4 and 26/4 begin the next.
+    #[inline]
+    pub fn near(&self) -> usize {
+        let n = self.elements.min(CROWD);
+        [21, 24, 26].into_iter().map(|bound| (4 * self.crowd >= bound * n) as usize).sum()
     }
 
     /// Look closer: order the elements, list the ring, find the normal and the height.
     pub fn order(&mut self, view: &View) {
         let p = &view.level.positions[..];
         self.around.gather(&view.level.faces, view.star, self.vertex);
+        let square = self.square / self.elements.clamp(1, LOOK) as u64;
+        self.mean = if square < 1 << 40 { root(square << 16) } else { root(square << 8) << 4 }.max(1) as i64;
         self.around.order();
         let mut area = [0i64; 3];
         for s in self.around.spokes[..self.around.spokes.len().min(LOOK)].iter() {

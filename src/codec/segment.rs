@@ -43,24 +43,7 @@ impl Flags {
         if n == 0 {
             return VALENCES * LENGTHS * NEIGHBOURS;
         }
-        let long = match (patch.mean << 5) / view.mean_edge {
-            0..=15 => 0,
-            16..=20 => 1,
-            21..=24 => 2,
-            25..=28 => 3,
-            29..=32 => 4,
-            33..=37 => 5,
-            38..=43 => 6,
-            44..=51 => 7,
-            52..=63 => 8,
-            _ => 9,
-        };
-        let near = match patch.crowd {
-            0..=20 => 0,
-            21..=23 => 1,
-            24..=25 => 2,
-            _ => 3,
-        };
+        let (long, near) = (patch.long(view), patch.near());
         ((n.min(VALENCES) - 1) * LENGTHS + long) * NEIGHBOURS + near
     }
 }

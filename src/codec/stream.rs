@@ -15,9 +15,10 @@ use std::sync::atomic::AtomicU64;
 /// Vertices of the coarser level in one segment, at most.
 pub const SEGMENT: usize = 16384;
 
-/// How many segments a batch has whose coarser level has `vertices` vertices.
+/// How many segments a batch has whose coarser level has `vertices` vertices: a power of two, so that two cores, or four, have
+/// as much to do.
 pub fn segments(vertices: usize) -> usize {
-    vertices.div_ceil(SEGMENT).max(1)
+    vertices.div_ceil(SEGMENT).max(1).next_power_of_two()
 }
 
 /// The vertices of segment `s` of `of`.

@@ -16,4 +16,4 @@ pub use batch::{Batch, Inserted, Side, Split};
 pub use coarsen::{Coarsened, Placement, coarsen, legal};
 pub use level::{Faces, Level};
 pub use refine::{NEW, NONE, Refined, Wanted, refine};
-pub use star::Star;
+pub use star::{BIG, Star};

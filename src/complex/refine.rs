@@ -31,7 +31,7 @@ pub struct Refined {
 /// What [`refine`] is asked for beside the level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Wanted {
-    /// The stars of the finer level.
+    /// The stars of the finer level, with what follows in each element.
     pub star: bool,
     /// Where its elements come from.
     pub element: bool,
@@ -66,7 +66,7 @@ pub fn refine(level: &Level, star: Star, batch: &Batch, bias: i32, wanted: Wante
     let ((faces, element, stars), (positions, parent)) = par::join(
         || {
             let (faces, element) = elements(level, &marks, batch, &renumber, wanted.element);
-            let stars = if wanted.star { Star::fill(sizes, &faces) } else { Star::default() };
+            let stars = if wanted.star { Star::fill(sizes, &faces, true) } else { Star::default() };
             (faces, element, stars)
         },
         || vertices(level, star, batch, &renumber, bias),

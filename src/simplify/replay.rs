@@ -114,7 +114,7 @@ pub fn replay(history: &History, slots: usize, progress: &(dyn Fn(u64) + Sync)) 
     let coarsest = history.batches.last().map_or(0.0, |b| b.error);
     out.levels.push(row(&level, coarsest));
 
-    let mut star = Star::build(level.positions.len(), &level.faces);
+    let mut star = Star::with_next(level.positions.len(), &level.faces);
     let mut run = Some((coder, 0u32, level.positions.len()));
     let mut scratch = Scratch::default();
     for (b, stored) in history.batches.iter().enumerate().rev() {
