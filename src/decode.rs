@@ -324,9 +324,12 @@ impl Decoder {
         if refined.conflict {
             return Err(corrupt(next, "two splits that share an element"));
         }
+        drop(batch);
         self.level = refined.level;
-        self.star = refined.star;
         self.parents = refined.parent;
+        if more_to_come {
+            self.star = Star::fill(refined.star_start, &self.level.faces, true);
+        }
         self.end_run(next)
     }
 

@@ -363,21 +363,8 @@ fn code_loci<C: Coder>(
     }
     let chosen = coder.choose(freqs, total, want);
 
-    // Follow what was seen: one step down the gradient of the code length. Once it was seen often, every second time is enough.
-    m.seen = m.seen.wrapping_add(1);
-    if m.seen > 16384 && m.seen & 1 == 1 {
-        return Some(if rows {
-            let (mut i, mut left) = (0, chosen);
-            while left >= loci.len() - i - 1 {
-                left -= loci.len() - i - 1;
-                i += 1;
-            }
-            (loci[i].at, Some(loci[i + 1 + left].at))
-        } else {
-            let pair = pairs[chosen];
-            (loci[pair.p as usize].at, (pair.q != u8::MAX).then(|| loci[pair.q as usize].at))
-        });
-    }
+    // Follow what was seen: one step down the gradient of the code length.
+    m.seen = m.seen.saturating_add(1);
     let rate = if m.seen <= 256 {
         5
     } else if m.seen <= 2048 {

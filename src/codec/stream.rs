@@ -151,6 +151,7 @@ pub fn join(parts: Vec<Batch>, level: &Level) -> Batch {
     let Some(mut batch) = parts.next() else { return Batch::default() };
     let births = if batch.shift < level.shift { batch.births.len() } else { 0 };
     let tail = batch.low_bits.split_off(batch.low_bits.len() - births);
+    batch.reserve(parts.as_slice());
     for part in parts {
         batch.append(&part);
     }

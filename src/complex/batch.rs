@@ -152,6 +152,20 @@ impl Batch {
         self.low_bits.extend_from_slice(&other.low_bits);
     }
 
+    /// Make room for exactly what `others` hold, so that appending them takes no more memory than they do.
+    pub fn reserve(&mut self, others: &[Batch]) {
+        let sum = |of: fn(&Batch) -> usize| others.iter().map(of).sum::<usize>();
+        let (splits, low_bits) = (sum(|b| b.len()), sum(|b| b.low_bits.len()));
+        self.vertex.reserve_exact(splits);
+        self.delta.reserve_exact(splits);
+        self.side_start.reserve_exact(splits);
+        self.sides.reserve_exact(sum(|b| b.sides.len()));
+        self.triangle_start.reserve_exact(splits);
+        self.triangles.reserve_exact(sum(|b| b.triangles.len()));
+        self.edges.reserve_exact(splits);
+        self.low_bits.reserve_exact(low_bits);
+    }
+
     /// The sides of split `i`.
     pub fn sides_of(&self, i: usize) -> &[Side] {
         &self.sides[self.side_start[i] as usize..self.side_start[i + 1] as usize]

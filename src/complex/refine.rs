@@ -17,8 +17,9 @@ use std::sync::atomic::{AtomicU8, AtomicUsize, Ordering::Relaxed};
 pub struct Refined {
     /// The level.
     pub level: Level,
-    /// Its stars, if they were asked for; empty otherwise.
-    pub star: Star,
+    /// Where its stars begin, if they were asked for, and empty otherwise: for [`Star::fill`], once the coarser level and the batch are
+    /// gone, which would be in memory beside them.
+    pub star_start: Vec<u32>,
     /// For each vertex its vertex in the coarser level; [`NONE`] for a birth.
     pub parent: Vec<u32>,
     /// For each element, if that was asked for, its element in the coarser level, or `NEW | i` for the `i`-th that the
@@ -31,7 +32,7 @@ pub struct Refined {
 /// What [`refine`] is asked for beside the level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Wanted {
-    /// The stars of the finer level, with what follows in each element.
+    /// Where the stars of the finer level begin.
     pub star: bool,
     /// Where its elements come from.
     pub element: bool,
@@ -58,21 +59,17 @@ pub fn refine(level: &Level, star: Star, batch: &Batch, bias: i32, wanted: Wante
     let (renumber, marks) = par::join(|| renumber(level.positions.len(), batch), || Marks::new(level, &star, batch));
     if marks.conflict {
         let level = Level { positions: Vec::new(), faces: Faces::new(), shift: batch.shift };
-        return Refined { level, star: Star::default(), parent: Vec::new(), element: Vec::new(), conflict: true };
+        return Refined { level, star_start: Vec::new(), parent: Vec::new(), element: Vec::new(), conflict: true };
     }
     let sizes = if wanted.star { stars(&star, batch, &renumber, fine) } else { Vec::new() };
     // Compensation looks at the stars.
     let star = (batch.alpha > 0).then_some(star);
-    let ((faces, element, stars), (positions, parent)) = par::join(
-        || {
-            let (faces, element) = elements(level, &marks, batch, &renumber, wanted.element);
-            let stars = if wanted.star { Star::fill(sizes, &faces, true) } else { Star::default() };
-            (faces, element, stars)
-        },
+    let ((faces, element), (positions, parent)) = par::join(
+        || elements(level, &marks, batch, &renumber, wanted.element),
         || vertices(level, star, batch, &renumber, bias),
     );
     let level = Level { positions, faces, shift: batch.shift };
-    Refined { level, star: stars, parent, element, conflict: false }
+    Refined { level, star_start: sizes, parent, element, conflict: false }
 }
 
 /// The new number of each vertex, of its first child if it splits, and at the end how many vertices come from vertices: so `v`

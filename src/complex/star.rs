@@ -48,7 +48,7 @@ impl Star {
     ///
     /// One task goes forwards from the first element and fills stars from their beginnings, the other backwards from the last and
     /// fills them from their ends, so neither need know what the other does.
-    pub(super) fn fill(start: Vec<u32>, faces: &Faces, with_next: bool) -> Self {
+    pub fn fill(start: Vec<u32>, faces: &Faces, with_next: bool) -> Self {
         let zeros = |n| -> Vec<AtomicU32> { std::iter::repeat_with(AtomicU32::default).take(n).collect() };
         let list = zeros(faces.corners.len());
         let next = zeros(if with_next { list.len() } else { 0 });

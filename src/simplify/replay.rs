@@ -191,7 +191,7 @@ pub fn replay(history: &History, slots: usize, progress: &(dyn Fn(u64) + Sync)) 
         let refined = refine(&level, star, &batch, stored.placement.bias, Wanted { star: b > 0, element: true });
         s.descend(stored, &batch, &refined, &swaps, &birth_order);
         level = refined.level;
-        star = refined.star;
+        star = if b > 0 { Star::fill(refined.star_start, &level.faces, true) } else { Star::default() };
         out.levels.push(row(&level, error));
         progress(level.positions.len() as u64);
     }
