@@ -1,15 +1,17 @@
 //! Where all readers meet: vertices, faces and edges go in as a file has them, a [`Mesh`] and its warnings come out.
 //!
 //! Corners name *records* (vertices in the order of the file) until [`Builder::finish`] maps them to welded
-//! vertices; so forward references need no care. Nothing grows past the memory limit or past 32-bit counts.
+//! vertices; so forward references need no care. Attributes of records name their values by the same numbers, so
+//! welding leaves them where they belong: on corners. Nothing grows past the memory limit or past 32-bit counts.
 
 use std::collections::BTreeMap;
 
+use super::attribute::Attribute;
 use super::error::ReadErrorKind;
 use super::warning::{Layer, Warning};
 use super::weld::Welder;
-use super::{ReadMesh, ReadOptions};
-use crate::mesh::Mesh;
+use super::{DropSet, ReadMesh, ReadOptions};
+use crate::mesh::{Appearance, Mesh, NO_VALUE};
 
 pub(super) use super::error::ReadErrorKind as Kind;
 
@@ -104,7 +106,7 @@ impl Tally {
 pub(super) struct Builder {
     positions: Vec<[f64; 3]>,
     face_start: Vec<u32>,
-    corners: Vec<u32>,
+    pub(super) corners: Vec<u32>,
     /// Where the open face begins in `corners`.
     open: usize,
     welder: Option<Welder>,
@@ -112,6 +114,13 @@ pub(super) struct Builder {
     map: Vec<u32>,
     pub budget: Budget,
     pub tally: Tally,
+    /// What the caller does not want.
+    pub drop: DropSet,
+    /// Layers so far.
+    pub layers: Vec<Attribute>,
+    /// From which face on which material holds, in order.
+    materials: Vec<[u32; 2]>,
+    pub appearance: Appearance,
 }
 
 impl Builder {
@@ -119,8 +128,47 @@ impl Builder {
     pub fn new(options: &ReadOptions, weld_default: bool, held: usize) -> Self {
         let welder = options.weld.unwrap_or(weld_default).then(Welder::new);
         let budget = Budget::new(held as u64, options.memory_limit);
-        let (positions, face_start, corners, map) = Default::default();
-        Builder { positions, face_start, corners, open: 0, welder, map, budget, tally: Tally::default() }
+        let (positions, face_start, corners, map, layers, materials) = Default::default();
+        let (drop, tally, appearance) = (options.drop, Tally::default(), Appearance::default());
+        Builder {
+            positions,
+            face_start,
+            corners,
+            open: 0,
+            welder,
+            map,
+            budget,
+            tally,
+            drop,
+            layers,
+            materials,
+            appearance,
+        }
+    }
+
+    /// Number of corners so far, those of the open face included.
+    #[inline]
+    pub fn corner_count(&self) -> usize {
+        self.corners.len()
+    }
+
+    /// Elements from here on have this material, or [`NO_VALUE`].
+    pub fn use_material(&mut self, material: u32) -> Result<(), Kind> {
+        let face = self.face_start.len().saturating_sub(1) as u32;
+        match self.materials.last_mut() {
+            Some(last) if last[1] == material => return Ok(()),
+            Some(last) if last[0] == face => {
+                last[1] = material;
+                return Ok(());
+            }
+            None if material == NO_VALUE => return Ok(()),
+            _ => {}
+        }
+        if self.materials.len() == self.materials.capacity() {
+            self.budget.grow(&mut self.materials, 1, "changes of the material")?;
+        }
+        self.materials.push([face, material]);
+        Ok(())
     }
 
     /// Number of vertex records so far.
@@ -273,28 +321,64 @@ impl Builder {
                 return Err(ReadErrorKind::TooLarge { what, limit: MAX as u64 });
             }
         }
+        let mut material = self.face_materials()?;
+        let mut layers = Vec::new();
+        let mut attributes = std::mem::take(&mut self.layers);
+        for attribute in &mut attributes {
+            layers.push(attribute.resolve(&self.corners, &self.face_start, &mut self.budget, &mut self.tally)?);
+        }
         let map = if let Some(welder) = self.welder.take() {
             self.budget.release(welder.bytes());
             drop(welder);
-            self.weld_faces();
-            self.map
+            for c in &mut self.corners {
+                *c = self.map[*c as usize];
+            }
+            let mut on_corners: Vec<&mut Vec<u32>> = layers.iter_mut().collect();
+            self.drop_closed_edges(&mut on_corners, &mut material);
+            std::mem::take(&mut self.map)
         } else {
             let mut map = Vec::new();
             self.budget.reserve(&mut map, self.positions.len())?;
             map.extend(0..self.positions.len() as u32);
             map
         };
-        let mesh =
-            Mesh { positions: self.positions, face_start: self.face_start, corners: self.corners, ..Mesh::default() };
+        let alone = if attributes.is_empty() { Vec::new() } else { self.alone(&map)? };
+        let layers = attributes.into_iter().zip(layers);
+        let layers =
+            layers.filter_map(|(attribute, corners)| attribute.finish(corners, &alone, &mut self.tally)).collect();
+        let Builder { positions, face_start, corners, appearance, .. } = self;
+        let mesh = Mesh { positions, face_start, corners, layers, material, appearance };
         debug_assert_eq!(mesh.validate(), Ok(()));
         Ok(ReadMesh { mesh, map, warnings: self.tally.warnings() })
     }
 
-    /// Corners from records to vertices; edges whose ends have become one vertex go.
-    fn weld_faces(&mut self) {
-        for c in &mut self.corners {
-            *c = self.map[*c as usize];
+    /// The material of each face, none where no face has one.
+    fn face_materials(&mut self) -> Result<Vec<u32>, Kind> {
+        let faces = self.face_start.len().saturating_sub(1);
+        let mut material = Vec::new();
+        if self.materials.iter().any(|m| m[1] != NO_VALUE && (m[0] as usize) < faces) {
+            self.budget.reserve(&mut material, faces)?;
+            for (i, &[first, m]) in self.materials.iter().enumerate() {
+                material.resize((first as usize).min(faces), NO_VALUE);
+                let end = self.materials.get(i + 1).map_or(faces, |next| next[0] as usize);
+                material.resize(end.min(faces), m);
+            }
         }
+        Ok(material)
+    }
+
+    /// Vertices that no element names, each with the records that have become it, in order.
+    fn alone(&self, map: &[u32]) -> Result<Vec<[u32; 2]>, Kind> {
+        let mut used = vec![false; self.positions.len()];
+        self.corners.iter().for_each(|&v| used[v as usize] = true);
+        let mut alone: Vec<[u32; 2]> =
+            (0..).zip(map).filter(|(_, v)| !used[**v as usize]).map(|(record, &v)| [v, record]).collect();
+        alone.sort_unstable();
+        Ok(alone)
+    }
+
+    /// Edges whose ends have become one vertex go, and with them what is kept for each corner and each face.
+    fn drop_closed_edges(&mut self, on_corners: &mut [&mut Vec<u32>], on_faces: &mut Vec<u32>) {
         let (corners, starts) = (&mut self.corners, &mut self.face_start);
         let closed = |c: &[u32], a: u32, b: u32| b - a == 2 && c[a as usize] == c[a as usize + 1];
         if !starts.windows(2).any(|w| closed(corners, w[0], w[1])) {
@@ -306,7 +390,14 @@ impl Builder {
             if closed(corners, from, end) {
                 self.tally.point_edges += 1;
             } else {
-                corners.copy_within(from as usize..end as usize, to);
+                let own = from as usize..end as usize;
+                for list in on_corners.iter_mut() {
+                    list.copy_within(own.clone(), to);
+                }
+                if let Some(&m) = on_faces.get(f - 1) {
+                    on_faces[kept] = m;
+                }
+                corners.copy_within(own, to);
                 to += (end - from) as usize;
                 kept += 1;
                 starts[kept] = to as u32;
@@ -318,6 +409,8 @@ impl Builder {
             starts.clear();
         }
         corners.truncate(to);
+        on_corners.iter_mut().for_each(|list| list.truncate(to));
+        on_faces.truncate(kept);
     }
 }
 

@@ -164,6 +164,18 @@ pub enum ReadErrorKind {
     /// A glTF extension without which the file has no meaning, and which is not supported.
     #[error("the file requires the glTF extension {0}, which is not supported; export it without that extension")]
     Extension(String),
+    /// An image file that is too large to be one.
+    #[error(
+        "the image file {name:?} has {bytes} bytes, more than the {limit} that an image may have; check the reference or leave images out"
+    )]
+    ImageSize {
+        /// The reference as the file has it.
+        name: String,
+        /// Its size.
+        bytes: u64,
+        /// How large it may be.
+        limit: u64,
+    },
     /// A file that a glTF file refers to.
     #[error("the buffer file {uri:?} {problem}")]
     Buffer {

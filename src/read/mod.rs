@@ -2,14 +2,18 @@
 //!
 //! OBJ, PLY, STL, OFF, glTF and GLB, each also packed with gzip. A file is taken into memory whole and parsed in
 //! place; positions come out as `f64` exactly as the file has them (glTF: after the transforms of its nodes).
-//! What a file holds beside geometry and connectivity is left out, and a [`Warning`] names and counts it.
+//! Attributes become [layers](crate::mesh::Layer) on corners, materials of all formats glTF material objects, and images
+//! come along. What a file holds beside all that is left out, and a [`Warning`] names and counts it.
 //!
 //! Nothing is allocated that the size of the input does not justify, and no input makes a reader panic: it gets
 //! a [`ReadError`] that says where, what is wrong and what to do.
 
+mod appearance;
+mod attribute;
 mod build;
 mod error;
 mod gltf;
+pub(crate) mod mtl;
 mod obj;
 mod off;
 mod ply;
@@ -22,11 +26,13 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
-use crate::mesh::Mesh;
+use crate::mesh::{LayerKind, Mesh};
 use build::Budget;
 use error::{Fail, printable};
 
+pub(crate) use appearance::media_type;
 pub use error::{Place, ReadError, ReadErrorKind};
+pub(crate) use gltf::extensions_in;
 pub(crate) use warning::counted;
 pub use warning::{Layer, Warning};
 
@@ -90,6 +96,61 @@ pub struct ReadOptions {
     pub weld: Option<bool>,
     /// The most bytes of memory that the input and the mesh may take together; `None`: no limit.
     pub memory_limit: Option<u64>,
+    /// What to leave out, without a warning.
+    pub drop: DropSet,
+}
+
+/// What a reader leaves out because its caller asks for it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DropSet {
+    /// Normals.
+    pub normals: bool,
+    /// Colours.
+    pub colors: bool,
+    /// Texture coordinates.
+    pub uvs: bool,
+    /// Tangents.
+    pub tangents: bool,
+    /// All other attributes.
+    pub scalars: bool,
+    /// Materials, and with them textures and images.
+    pub materials: bool,
+    /// The bytes of images; their names stay.
+    pub images: bool,
+}
+
+impl DropSet {
+    /// Nothing is left out.
+    pub const NONE: DropSet = DropSet {
+        normals: false,
+        colors: false,
+        uvs: false,
+        tangents: false,
+        scalars: false,
+        materials: false,
+        images: false,
+    };
+    /// Only geometry and connectivity stay.
+    pub const ALL: DropSet = DropSet {
+        normals: true,
+        colors: true,
+        uvs: true,
+        tangents: true,
+        scalars: true,
+        materials: true,
+        images: true,
+    };
+
+    /// Whether layers of this kind are left out.
+    pub fn kind(&self, kind: LayerKind) -> bool {
+        match kind {
+            LayerKind::Uv => self.uvs,
+            LayerKind::Normal => self.normals,
+            LayerKind::Tangent => self.tangents,
+            LayerKind::Color => self.colors,
+            LayerKind::Scalar => self.scalars,
+        }
+    }
 }
 
 /// What a file held.
@@ -132,7 +193,8 @@ pub fn read_path(path: impl AsRef<Path>, options: &ReadOptions) -> Result<ReadMe
 
 /// Read a mesh from a stream such as standard input, which `name` stands for in errors. Gzip is recognized.
 ///
-/// `base_dir`: the folder of files that a glTF refers to; without it such a reference is an error.
+/// `base_dir`: the folder of the files that the mesh refers to. Without it buffers of glTF outside the document are an
+/// error, images and MTL files a warning.
 ///
 /// # Errors
 /// See [`ReadErrorKind`].
@@ -149,7 +211,8 @@ pub fn read_from(
 
 /// Read a mesh from memory. Gzip is recognized. Errors call the input `input`.
 ///
-/// `base_dir`: the folder of files that a glTF refers to; without it such a reference is an error.
+/// `base_dir`: the folder of the files that the mesh refers to. Without it buffers of glTF outside the document are an
+/// error, images and MTL files a warning.
 ///
 /// # Errors
 /// See [`ReadErrorKind`].
@@ -168,6 +231,15 @@ pub fn read_bytes(
     read().map_err(|e: Fail| e.named("input"))
 }
 
+/// The comment by which a PLY file says that its vertices repeat for their attributes, so that they are welded again.
+pub(crate) const REPEATED: &str = "vertices repeat for their attributes";
+
+/// The comment by which a PLY file says that vertices at one position are different ones, so that they stay apart.
+pub(crate) const DISTINCT: &str = "vertices do not repeat";
+
+/// The mark of the material that a GLB needs for faces without one.
+pub(crate) const NO_MATERIAL: &str = "no material";
+
 const GZIP: &[u8] = &[0x1f, 0x8b];
 
 fn parse_owned(
@@ -184,8 +256,8 @@ fn parse_owned(
 
 fn parse(bytes: &[u8], format: Format, base_dir: Option<&Path>, options: &ReadOptions) -> Result<ReadMesh, Fail> {
     match format {
-        Format::Obj => obj::read(bytes, options),
-        Format::Ply => ply::read(bytes, options),
+        Format::Obj => obj::read(bytes, base_dir, options),
+        Format::Ply => ply::read(bytes, base_dir, options),
         Format::Stl => stl::read(bytes, options),
         Format::Off => off::read(bytes, options),
         Format::Gltf | Format::Glb => gltf::read(bytes, base_dir, options),

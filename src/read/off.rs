@@ -1,13 +1,16 @@
 //! OFF and its kin (COFF, NOFF, CNOFF, STOFF, …), ASCII.
 //!
-//! The letters before `OFF` announce what follows the three coordinates on each vertex line; it is skipped to the
-//! end of the line, and so is a colour behind a face. Comments run from `#` to the end of the line.
+//! The letters before `OFF` announce what follows the three coordinates on each vertex line: a normal, a colour of three
+//! or four numbers, texture coordinates, in this order. A colour behind a face is skipped, counted. Comments run from
+//! `#` to the end of the line.
 
+use super::attribute::Attribute;
 use super::build::{Builder, Kind, MAX, index_from_zero};
 use super::error::{At, Fail, ReadErrorKind, printable};
 use super::text::Cursor;
 use super::warning::Layer;
 use super::{ReadMesh, ReadOptions};
+use crate::mesh::{LayerKind, Stored};
 
 pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<ReadMesh, Fail> {
     let mut c = Cursor::new(bytes);
@@ -29,6 +32,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<ReadMesh, Fail
     let mut b = Builder::new(options, false, bytes.len());
     b.expect_records(vertices as usize).at(|| c.place())?;
     b.expect_faces(faces as usize, 0).at(|| c.place())?;
+    let mut beside = Beside::new(&layers);
     for _ in 0..vertices {
         let mut p = [0.0; 3];
         for x in &mut p {
@@ -36,8 +40,12 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<ReadMesh, Fail
             *x = c.float("a coordinate").at(|| c.place())?;
         }
         b.vertex(p).at(|| c.place())?;
+        if beside.announced > 0 {
+            beside.line(&mut b, &mut c)?;
+        }
         c.skip_line();
     }
+    beside.finish(&mut b);
     let mut coloured = 0;
     for _ in 0..faces {
         c.skip_space_and_comments();
@@ -61,11 +69,78 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<ReadMesh, Fail
             c.skip_line();
         }
     }
-    for layer in layers {
-        b.tally.drop_layer(layer, vertices);
+    if !b.drop.colors {
+        b.tally.drop_layer(Layer::FaceColours, coloured);
     }
-    b.tally.drop_layer(Layer::Colours, coloured);
     Ok(b.finish()?)
+}
+
+/// What follows the coordinates of vertices.
+struct Beside {
+    announced: usize,
+    /// Normals, colours, texture coordinates; NaN where a line has none.
+    values: [Vec<f64>; 3],
+    /// Which of them are there.
+    there: [bool; 3],
+    /// Whether some colour has four numbers.
+    alpha: bool,
+}
+
+impl Beside {
+    fn new(layers: &[Layer]) -> Self {
+        let there = [Layer::Normals, Layer::Colours, Layer::TextureCoordinates].map(|l| layers.contains(&l));
+        Beside { announced: layers.len(), values: Default::default(), there, alpha: false }
+    }
+
+    /// The rest of a vertex line.
+    fn line(&mut self, b: &mut Builder, c: &mut Cursor<'_>) -> Result<(), Fail> {
+        let (mut numbers, mut n) = ([f64::NAN; 9], 0);
+        c.skip_blanks();
+        while n < 9 && !c.at_line_end() && c.peek() != Some(b'#') {
+            numbers[n] = c.float("a number or the end of the line").at(|| c.place())?;
+            n += 1;
+            c.skip_blanks();
+        }
+        let (behind, before) = (2 * usize::from(self.there[2]), 3 * usize::from(self.there[0]));
+        let middle = n.saturating_sub(before + behind);
+        let mut colour = [f64::NAN, f64::NAN, f64::NAN, 1.0];
+        if middle >= 3 {
+            self.alpha |= middle >= 4;
+            let count = middle.min(4);
+            colour[..count].copy_from_slice(&numbers[before..before + count]);
+        }
+        let texture = if n >= before + behind { &numbers[n - behind..n] } else { &[f64::NAN; 2][..behind] };
+        for (k, list) in [&numbers[..3], &colour[..], texture].into_iter().enumerate() {
+            if !self.there[k] {
+                continue;
+            }
+            let values = &mut self.values[k];
+            if values.len() + list.len() > values.capacity() {
+                b.budget.grow(values, list.len(), "values of an attribute").at(|| c.place())?;
+            }
+            values.extend_from_slice(list);
+        }
+        Ok(())
+    }
+
+    fn finish(self, b: &mut Builder) {
+        let names = [("normal", LayerKind::Normal, 3), ("color", LayerKind::Color, 4), ("uv", LayerKind::Uv, 2)];
+        for ((values, (name, kind, width)), there) in self.values.into_iter().zip(names).zip(self.there) {
+            if !there || values.is_empty() || b.drop.kind(kind) {
+                continue;
+            }
+            let mut layer = Attribute::new(name, kind, width, Stored::F32).everywhere();
+            (layer.values, layer.gaps) = (values, true);
+            if kind == LayerKind::Color {
+                if !self.alpha {
+                    layer.width = 3;
+                    layer.values = layer.values.chunks_exact(4).flat_map(|c| [c[0], c[1], c[2]]).collect();
+                }
+                layer.scale_colours();
+            }
+            b.layers.push(layer);
+        }
+    }
 }
 
 /// `[ST][C][N][4][n]OFF`: what each vertex has beside its coordinates.
@@ -123,6 +198,7 @@ fn count(c: &mut Cursor<'_>, what: &str, least: u64) -> Result<u64, Fail> {
 #[cfg(test)]
 mod tests {
     use super::super::{Format, ReadMesh, ReadOptions, read_bytes};
+    use crate::mesh::LayerKind;
 
     fn off(text: &str) -> ReadMesh {
         read_bytes(text.as_bytes(), Format::Off, None, &ReadOptions::default()).unwrap()
@@ -147,7 +223,7 @@ mod tests {
             texts,
             [
                 "2 faces with fewer than three corners were read as edges or points",
-                "colours are not carried yet (1 record left out)"
+                "colours of faces are not carried (1 record left out)"
             ]
         );
     }
@@ -158,14 +234,22 @@ mod tests {
             ("COFF", "255 0 0 255", 1),
             ("COFF", "0.5 0 0", 1),
             ("NOFF", "0 0 1", 1),
-            ("CNOFF", "1 0 0 1 0 0 1", 2),
+            ("CNOFF", "0 0 1 1 0 0", 2),
             ("NCOFF", "0 0 1 255 0 0", 2),
-            ("STOFF", "0.5 0.5", 1),
-            ("STCNOFF", "0.5 0.5 255 0 0 0 0 1", 3),
+            ("STOFF", "0.5 0.25", 1),
+            ("STCNOFF", "0 0 1 255 0 0 0.5 0.25", 3),
         ] {
             let m = off(&format!("{keyword}\r\n3 1\r\n0 0 0 {more}\r\n1 0 0 {more}\r\n0 1 0 {more}\r\n3 0 1 2\r\n"));
             assert_eq!((m.mesh.vertex_count(), faces(&m)), (3, vec![vec![0, 1, 2]]), "{keyword}");
-            assert_eq!(m.warnings.len(), layers, "{keyword}");
+            assert_eq!((m.mesh.layers.len(), m.warnings.len()), (layers, 0), "{keyword}");
+            let of = |kind| m.mesh.layers.iter().find(|l| l.kind == kind).map(|l| l.value(0).to_vec());
+            let red =
+                if keyword == "COFF" && more.starts_with("0.5") { vec![0.5, 0.0, 0.0] } else { vec![1.0, 0.0, 0.0] };
+            let colour =
+                keyword.contains('C').then(|| if more.ends_with("255") { [&red[..], &[1.0]].concat() } else { red });
+            assert_eq!(of(LayerKind::Color), colour, "{keyword}");
+            assert_eq!(of(LayerKind::Normal), keyword.contains('N').then(|| vec![0.0, 0.0, 1.0]), "{keyword}");
+            assert_eq!(of(LayerKind::Uv), keyword.contains("ST").then(|| vec![0.5, 0.25]), "{keyword}");
         }
         let m = off("OFF 3 1 3\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2");
         assert_eq!(faces(&m), [[0, 1, 2]]);

@@ -10,7 +10,7 @@ pub enum Layer {
     TextureCoordinates,
     /// Normals of vertices or corners.
     Normals,
-    /// Colours of vertices or faces.
+    /// Colours of vertices.
     Colours,
     /// Tangents.
     Tangents,
@@ -20,6 +20,10 @@ pub enum Layer {
     Groups,
     /// The fourth coordinate of OBJ vertices.
     VertexWeights,
+    /// The third texture coordinate of OBJ.
+    TextureDepth,
+    /// Colours of faces.
+    FaceColours,
     /// Free-form curves and surfaces.
     FreeForm,
     /// Skins: the mesh comes as it is modelled, not as a joint moves it.
@@ -42,6 +46,8 @@ impl fmt::Display for Layer {
             Layer::Materials => "materials",
             Layer::Groups => "names of groups and objects",
             Layer::VertexWeights => "fourth coordinates of vertices",
+            Layer::TextureDepth => "third texture coordinates",
+            Layer::FaceColours => "colours of faces",
             Layer::FreeForm => "free-form curves and surfaces",
             Layer::Skins => "skins",
             Layer::MorphTargets => "morph targets",
@@ -82,6 +88,41 @@ pub enum Warning {
         /// How many records of it, in the file's own units.
         count: u64,
     },
+    /// Faces that have values of a layer at some of their corners only: they lose them.
+    PartialFaces {
+        /// The name of the layer.
+        layer: String,
+        /// How many faces.
+        count: u64,
+    },
+    /// Values that are NaN or infinite, which is as if there were none.
+    NotFiniteValues {
+        /// The name of the layer.
+        layer: String,
+        /// How many values.
+        count: u64,
+    },
+    /// Files that the mesh refers to and that are not there, or not what they should be.
+    MissingFiles {
+        /// `"image"` or `"material library"`.
+        what: &'static str,
+        /// How many.
+        count: u64,
+        /// The first of them, as the mesh file names them.
+        names: Vec<String>,
+    },
+    /// Materials that are used but described nowhere: only their names are kept.
+    UnknownMaterials {
+        /// How many.
+        count: u64,
+        /// The first of them.
+        names: Vec<String>,
+    },
+    /// Parts of glTF extensions that stand outside materials and textures.
+    SkippedExtensions {
+        /// Their names.
+        names: Vec<String>,
+    },
     /// PLY elements of a name that means nothing here.
     SkippedElements {
         /// The name of the element.
@@ -95,6 +136,8 @@ pub enum Warning {
         element: String,
         /// Their names.
         names: Vec<String>,
+        /// How many elements have them.
+        count: u64,
     },
     /// OBJ lines with a keyword that is not one of the format's.
     UnknownStatements {
@@ -129,6 +172,19 @@ pub(crate) fn counted(count: u64, one: &str, many: &str) -> String {
     format!("{count} {}", if count == 1 { one } else { many })
 }
 
+fn plural(what: &str) -> String {
+    match what.strip_suffix('y') {
+        Some(stem) => format!("{stem}ies"),
+        None => format!("{what}s"),
+    }
+}
+
+/// The names that are kept of a longer list.
+fn some(names: &[String], count: u64) -> String {
+    let more = if count > names.len() as u64 { ", …" } else { "" };
+    format!("{}{more}", names.join(", "))
+}
+
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let verb = |count: u64| if count == 1 { "was" } else { "were" };
@@ -149,13 +205,33 @@ impl fmt::Display for Warning {
                 write!(f, "{triangles} of strips that repeat a vertex {} left out as connectors", verb(*count))
             }
             Warning::NotCarried { layer, count } => {
-                write!(f, "{layer} are not carried yet ({} left out)", counted(*count, "record", "records"))
+                write!(f, "{layer} are not carried ({} left out)", counted(*count, "record", "records"))
+            }
+            Warning::PartialFaces { layer, count } => {
+                let (faces, verb) = (counted(*count, "face", "faces"), if *count == 1 { "has" } else { "have" });
+                write!(f, "{faces} {verb} values of `{layer}` at some corners only; they were left out")
+            }
+            Warning::NotFiniteValues { layer, count } => {
+                let values = counted(*count, "value", "values");
+                write!(f, "{values} of `{layer}` not finite and left out")
+            }
+            Warning::MissingFiles { what, count, names } => {
+                let (one, many) = (format!("{what} not found"), format!("{} not found", plural(what)));
+                write!(f, "{}: {}", counted(*count, &one, &many), some(names, *count))
+            }
+            Warning::UnknownMaterials { count, names } => {
+                let materials = counted(*count, "material is", "materials are");
+                write!(f, "{materials} used but not described; the name is kept: {}", some(names, *count))
+            }
+            Warning::SkippedExtensions { names } => {
+                write!(f, "glTF extensions outside of materials and textures skipped: {}", names.join(", "))
             }
             Warning::SkippedElements { element, count } => {
                 write!(f, "{} `{element}` skipped", counted(*count, "PLY element", "PLY elements"))
             }
-            Warning::SkippedProperties { element, names } => {
-                write!(f, "PLY properties of `{element}` skipped: {}", names.join(", "))
+            Warning::SkippedProperties { element, names, count } => {
+                let records = counted(*count, "record", "records");
+                write!(f, "PLY properties of `{element}` skipped ({records}): {}", names.join(", "))
             }
             Warning::UnknownStatements { count, first, line } => {
                 let lines = counted(*count, "line", "lines");

@@ -8,7 +8,7 @@ pub fn read(format: Format, bytes: &[u8]) {
     let packed = bytes.starts_with(&[0x1f, 0x8b]);
     let limit = Some(if packed { 1 << 26 } else { 400 * bytes.len() as u64 + 65_536 });
     for weld in [Some(true), Some(false)] {
-        match read_bytes(bytes, format, None, &ReadOptions { weld, memory_limit: limit }) {
+        match read_bytes(bytes, format, None, &ReadOptions { weld, memory_limit: limit, ..Default::default() }) {
             Ok(read) => {
                 read.mesh.validate().expect("a reader gives valid meshes");
                 assert!(read.map.iter().all(|&v| (v as usize) < read.mesh.vertex_count()));

@@ -8,7 +8,8 @@ use anyhow::{Context, Result};
 use clap::ValueEnum;
 use lodestream::encode::{self, EncodeOptions, EncodeReport, Encoded, Progress, Stage};
 use lodestream::lattice::Quantization;
-use lodestream::read::{self, ReadMesh, ReadOptions, Warning};
+use lodestream::mesh::Mesh;
+use lodestream::read::{DropSet, ReadMesh, ReadOptions};
 use serde_json::{Value, json};
 use std::io::{BufWriter, Write};
 use std::path::PathBuf;
@@ -34,7 +35,7 @@ pub struct Args {
     lock_borders: bool,
     #[command(flatten)]
     weld: WeldArgs,
-    /// Leave out attributes without a warning; this version keeps geometry and connectivity and leaves out all others anyway
+    /// Leave out attributes, materials or the bytes of images
     #[arg(long, value_name = "WHAT", value_enum, value_delimiter = ',')]
     drop: Vec<Layer>,
     /// Write the new number of each vertex of the input, one per line
@@ -104,6 +105,25 @@ enum Layer {
     Images,
     Materials,
     Tangents,
+    Scalars,
+}
+
+/// What the reader leaves out.
+fn drop_set(what: &[Layer]) -> DropSet {
+    let mut set = DropSet::NONE;
+    for layer in what {
+        match layer {
+            Layer::All => set = DropSet::ALL,
+            Layer::Normals => set.normals = true,
+            Layer::Colors => set.colors = true,
+            Layer::Uvs => set.uvs = true,
+            Layer::Images => set.images = true,
+            Layer::Materials => set.materials = true,
+            Layer::Tangents => set.tangents = true,
+            Layer::Scalars => set.scalars = true,
+        }
+    }
+    set
 }
 
 fn parse_step(text: &str) -> Result<f64, String> {
@@ -137,11 +157,15 @@ pub fn run(args: &Args) -> Result<Outcome> {
     let options = EncodeOptions { quantization: args.lattice.quantization(), lock_borders: args.lock_borders };
     let name = shared::name(&args.input.path);
     args.machine.run(|threads| {
-        let read_options = ReadOptions { weld: args.weld.choice(), memory_limit: args.machine.memory_limit };
+        let read_options = ReadOptions {
+            weld: args.weld.choice(),
+            memory_limit: args.machine.memory_limit,
+            drop: drop_set(&args.drop),
+        };
         let read = args.input.read(&read_options)?;
         let read_seconds = shared::seconds(start);
-        let warnings: Vec<String> =
-            read.warnings.iter().filter(|w| !asked_for(w, &args.drop)).map(ToString::to_string).collect();
+        let mut warnings: Vec<String> = read.warnings.iter().map(ToString::to_string).collect();
+        warnings.extend(not_kept(&read.mesh));
         warnings.iter().for_each(|w| shared::warn(format!("{name}: {w}")));
         let progress = |p: Progress| bars.show(stage_name(p.stage), p.done, p.total);
         let encoded = encode::encode(&read.mesh, &options, &progress).with_context(|| name.clone())?;
@@ -169,23 +193,14 @@ pub fn run(args: &Args) -> Result<Outcome> {
     })
 }
 
-/// Whether a warning tells of what the user asked to leave out.
-fn asked_for(warning: &Warning, drop: &[Layer]) -> bool {
-    let layer = match warning {
-        Warning::NotCarried { layer, .. } => layer,
-        // Further properties are attributes too.
-        Warning::SkippedProperties { .. } => return drop.contains(&Layer::All),
-        _ => return false,
-    };
-    drop.iter().any(|d| match d {
-        Layer::All => true,
-        Layer::Normals => *layer == read::Layer::Normals,
-        Layer::Colors => *layer == read::Layer::Colours,
-        Layer::Uvs => *layer == read::Layer::TextureCoordinates,
-        // References to images are part of the materials.
-        Layer::Images | Layer::Materials => *layer == read::Layer::Materials,
-        Layer::Tangents => *layer == read::Layer::Tangents,
-    })
+/// What readers give and the format has no place for yet.
+fn not_kept(mesh: &Mesh) -> Vec<String> {
+    let layer = |l: &lodestream::mesh::Layer| format!("`{}` is not kept yet ({} values left out)", l.name, l.len());
+    let mut out: Vec<String> = mesh.layers.iter().map(layer).collect();
+    if !mesh.appearance.is_empty() {
+        out.push("materials and images are not kept yet".to_string());
+    }
+    out
 }
 
 /// One line per vertex record of the input: the vertex it has become.

@@ -6,6 +6,7 @@ use super::super::build::{Budget, Kind};
 use super::super::error::{At, Fail, Place, ReadErrorKind};
 use super::json::{in_range, list, needed, text, uint};
 use super::{Document, top};
+use crate::mesh::Stored;
 
 /// The types of components.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -168,6 +169,57 @@ impl Accessor {
             return Err(ReadErrorKind::Count { what, count, bytes: doc.buffers.bytes }).at(at);
         }
         Ok(Accessor { count: count as usize, component, normalized, view: main, sparse, number })
+    }
+
+    /// How the numbers are stored, when an attribute of any kind is made of them: what is normalized has no integers.
+    pub fn stored(&self, colour: bool) -> Stored {
+        match self.component {
+            Component::U8 if self.normalized == colour => Stored::U8,
+            Component::U16 if self.normalized == colour => Stored::U16,
+            Component::I8 if !self.normalized => Stored::I8,
+            Component::I16 if !self.normalized => Stored::I16,
+            Component::U32 if !self.normalized => Stored::U32,
+            _ => Stored::F32,
+        }
+    }
+
+    /// The number of components of accessor `number`, if it has 1 to 4.
+    pub fn width(doc: &Document<'_>, number: u64) -> Result<Option<u8>, Fail> {
+        let at = || Place::Item(format!("accessors[{number}]"));
+        let all = list(doc.json, "accessors").at(top)?;
+        let number = in_range(number, all.len(), "accessors").at(at)?;
+        Ok(match text(&all[number], "type").at(at)? {
+            Some("SCALAR") => Some(1),
+            Some("VEC2") => Some(2),
+            Some("VEC3") => Some(3),
+            Some("VEC4") => Some(4),
+            _ => None,
+        })
+    }
+
+    /// An accessor of `width` components.
+    pub fn of_width(doc: &mut Document<'_>, number: u64, width: u8, budget: &mut Budget) -> Result<Self, Fail> {
+        match width {
+            1 => Accessor::new::<1>(doc, number, budget),
+            2 => Accessor::new::<2>(doc, number, budget),
+            3 => Accessor::new::<3>(doc, number, budget),
+            _ => Accessor::new::<4>(doc, number, budget),
+        }
+    }
+
+    /// All items in order, of an accessor of `width` components.
+    pub fn each_of(
+        &self,
+        doc: &Document<'_>,
+        width: u8,
+        mut take: impl FnMut(&[f64]) -> Result<(), Kind>,
+    ) -> Result<(), Fail> {
+        match width {
+            1 => self.each::<1>(doc, |v| take(&v)),
+            2 => self.each::<2>(doc, |v| take(&v)),
+            3 => self.each::<3>(doc, |v| take(&v)),
+            _ => self.each::<4>(doc, |v| take(&v)),
+        }
     }
 
     /// True when the items can be vertex numbers.

@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use super::super::build::{Budget, Kind};
 use super::super::error::{At, Fail, Place, ReadErrorKind};
-use super::json::{list, needed, text};
+use super::json::{in_range, list, needed, text, uint};
 use super::top;
 
 const BASE64: GeneralPurpose = GeneralPurpose::new(
@@ -72,6 +72,24 @@ impl<'a> Buffers<'a> {
         self.loaded.get(i).and_then(Option::as_deref).unwrap_or_default()
     }
 
+    /// The bytes of buffer view `i`.
+    pub fn view(&mut self, json: &Value, i: u64, budget: &mut Budget) -> Result<&[u8], Fail> {
+        let at = || Place::Item(format!("bufferViews[{i}]"));
+        let views = list(json, "bufferViews").at(top)?;
+        let view = &views[in_range(i, views.len(), "bufferViews").at(at)?];
+        let buffer = needed(view, "buffer").at(at)?;
+        let buffer = in_range(buffer, self.loaded.len(), "buffers").at(at)?;
+        self.load(json, buffer, budget)?;
+        let start = uint(view, "byteOffset").at(at)?.unwrap_or(0);
+        let end = start.saturating_add(needed(view, "byteLength").at(at)?);
+        let held = self.get(buffer);
+        if end > held.len() as u64 {
+            let outside = format!("it ends at byte {end} of a buffer of {} bytes; mend the document", held.len());
+            return Err(ReadErrorKind::Syntax(outside)).at(at);
+        }
+        Ok(&held[start as usize..end as usize])
+    }
+
     fn file(&self, uri: &str, length: u64, budget: &mut Budget) -> Result<Vec<u8>, Kind> {
         let problem = |problem: &str| {
             let mut uri: String = uri.chars().take(80).collect();
@@ -113,7 +131,7 @@ impl<'a> Buffers<'a> {
 }
 
 /// `[type];base64,…`
-fn decode(data: &str, budget: &mut Budget) -> Result<Vec<u8>, Kind> {
+pub(super) fn decode(data: &str, budget: &mut Budget) -> Result<Vec<u8>, Kind> {
     let Some((_, digits)) = data.split_once(";base64,") else {
         let what = "a data URI without base64".to_string();
         return Err(ReadErrorKind::Unsupported { what, advice: "export the file as GLB" });
@@ -124,7 +142,8 @@ fn decode(data: &str, budget: &mut Budget) -> Result<Vec<u8>, Kind> {
         .map_err(|e| ReadErrorKind::Syntax(format!("the data URI is damaged: {e}; export the file again")))
 }
 
-fn percent_decode(uri: &str) -> Option<String> {
+/// A reference as a path.
+pub(super) fn percent_decode(uri: &str) -> Option<String> {
     let mut out = Vec::with_capacity(uri.len());
     let mut bytes = uri.bytes();
     while let Some(byte) = bytes.next() {

@@ -3,10 +3,13 @@
 //! Follows the Khronos glTF 2.0 specification (sections 3.5 scenes and transforms, 3.6 buffers and accessors,
 //! 3.7 meshes, 4.4 GLB), `KHR_mesh_quantization` and `EXT_mesh_gpu_instancing`. Each node with a mesh contributes
 //! a copy of it. Triangles of a mirrored node are turned round, as the specification asks. Lines become dangling
-//! edges, points isolated vertices. An extension that a file requires and that changes what the mesh is, is an
-//! error that names it; extensions of materials, textures, lights and the like are not looked at.
+//! edges, points isolated vertices. Attributes become layers on corners; materials, textures, samplers and images keep
+//! their numbers, and the first three come as they stand, extensions included. An extension that a file requires and that
+//! changes what the mesh is, is an error that names it; those of lights and the like are skipped with a warning.
 
 mod accessor;
+mod appearance;
+mod attribute;
 mod buffer;
 mod json;
 mod primitive;
@@ -23,6 +26,8 @@ use super::build::Builder;
 use super::error::{At, Fail, Place, ReadErrorKind, printable};
 use super::warning::{Layer, Warning};
 use super::{ReadMesh, ReadOptions};
+pub(crate) use appearance::extensions_in;
+use attribute::Wanted;
 use buffer::Buffers;
 use json::{list, text};
 use primitive::MeshPlan;
@@ -84,14 +89,17 @@ pub(super) fn read(bytes: &[u8], base_dir: Option<&Path>, options: &ReadOptions)
     }
     let buffers = Buffers::new(&json, chunk, base_dir, bytes.len())?;
     let mut doc = Document { json: &json, buffers };
+    appearance::read(&mut doc, &mut b, base_dir)?;
     let instances = scene::instances(&mut doc, &mut b)?;
 
     let meshes = list(&json, "meshes").at(top)?.len();
     let used: BTreeSet<usize> = instances.iter().map(|i| i.mesh).collect();
     let mut plans: Vec<Option<MeshPlan>> = (0..meshes).map(|_| None).collect();
+    let mut wanted = Wanted::default();
     for &mesh in &used {
-        plans[mesh] = Some(MeshPlan::new(&mut doc, mesh, &mut b)?);
+        plans[mesh] = Some(MeshPlan::new(&mut doc, mesh, &mut wanted, &mut b)?);
     }
+    wanted.prepare(&mut b);
     // The sizes are known before anything is made: instances can multiply a small file without end.
     let (mut records, mut faces, mut corners) = (0usize, 0usize, 0usize);
     for plan in instances.iter().filter_map(|i| plans[i.mesh].as_ref()) {
@@ -103,7 +111,7 @@ pub(super) fn read(bytes: &[u8], base_dir: Option<&Path>, options: &ReadOptions)
     b.expect_faces(faces, corners)?;
     for instance in &instances {
         if let Some(plan) = &plans[instance.mesh] {
-            plan.emit(&doc, &instance.matrix, &mut b)?;
+            plan.emit(&doc, &instance.matrix, &wanted, &mut b)?;
         }
     }
     if used.len() < meshes {

@@ -8,9 +8,11 @@ use super::super::build::{Builder, Kind};
 use super::super::error::{At, Fail, Place, ReadErrorKind};
 use super::super::warning::{Layer, Warning};
 use super::accessor::Accessor;
+use super::attribute::{Emitted, Source, Wanted};
 use super::json::{as_uint, in_range, list, uint};
 use super::scene::Matrix;
 use super::{Document, top};
+use crate::mesh::NO_VALUE;
 
 /// `primitive.mode`
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,6 +68,8 @@ struct Primitive {
     /// Which of the mesh's runs of positions.
     positions: usize,
     indices: Option<Accessor>,
+    attributes: Vec<Source>,
+    material: u32,
 }
 
 /// A checked mesh: what one instance of it holds.
@@ -83,7 +87,7 @@ pub(super) struct MeshPlan {
 
 impl MeshPlan {
     /// Check mesh `number`, load its buffers and count what is left out.
-    pub fn new(doc: &mut Document<'_>, number: usize, b: &mut Builder) -> Result<Self, Fail> {
+    pub fn new(doc: &mut Document<'_>, number: usize, wanted: &mut Wanted, b: &mut Builder) -> Result<Self, Fail> {
         let json = doc.json;
         let mesh = &list(json, "meshes").at(top)?[number];
         let at = || Place::Item(format!("meshes[{number}]"));
@@ -135,8 +139,15 @@ impl MeshPlan {
             plan.faces = plan.faces.saturating_add(faces);
             plan.corners = plan.corners.saturating_add(corners);
             incomplete += u64::from(mode.incomplete(n));
-            left_out(primitive, attributes, records as u64, b);
-            plan.primitives.push(Primitive { mode, positions: run, indices });
+            let materials = list(json, "materials").at(top)?.len();
+            let material = uint(primitive, "material").at(at)?.filter(|_| !b.drop.materials);
+            let there = material.is_none_or(|m| m < materials as u64);
+            b.tally.drop_layer(Layer::Materials, u64::from(!there));
+            let kept = b.appearance.materials.len() as u64;
+            let material = material.filter(|m| *m < kept).map_or(NO_VALUE, |m| m as u32);
+            let attributes = wanted.sources(doc, attributes, records, b)?;
+            left_out(primitive, b);
+            plan.primitives.push(Primitive { mode, positions: run, indices, attributes, material });
         }
         if incomplete > 0 {
             b.tally.others.push(Warning::IncompletePrimitives { count: incomplete });
@@ -145,7 +156,7 @@ impl MeshPlan {
     }
 
     /// One instance of the mesh.
-    pub fn emit(&self, doc: &Document<'_>, matrix: &Matrix, b: &mut Builder) -> Result<(), Fail> {
+    pub fn emit(&self, doc: &Document<'_>, matrix: &Matrix, wanted: &Wanted, b: &mut Builder) -> Result<(), Fail> {
         let mut first = Vec::with_capacity(self.positions.len());
         let identity = *matrix == Matrix::IDENTITY;
         for run in &self.positions {
@@ -153,8 +164,12 @@ impl MeshPlan {
             run.each(doc, |p: [f64; 3]| b.vertex(if identity { p } else { matrix.apply(p) }))?;
         }
         let mirrored = matrix.mirrors();
+        let mut emitted = Emitted::default();
         for (i, primitive) in self.primitives.iter().enumerate() {
             let count = self.positions[primitive.positions].count;
+            let at = || Place::Item(format!("meshes[{}].primitives[{i}]", self.number));
+            b.use_material(primitive.material).at(at)?;
+            let corner = b.corner_count();
             let mut elements = Elements::new(primitive.mode, mirrored, b);
             let base = first[primitive.positions];
             match &primitive.indices {
@@ -167,13 +182,50 @@ impl MeshPlan {
                     elements.put((base + index) as u32)
                 })?,
                 None => {
-                    let at = || Place::Item(format!("meshes[{}].primitives[{i}]", self.number));
                     for v in base..base + count {
                         elements.put(v as u32).at(at)?;
                     }
                 }
             }
             elements.end()?;
+            if primitive.mode == Mode::Points {
+                self.points(doc, primitive, base, wanted, b)?;
+            }
+            for source in &primitive.attributes {
+                emitted.put(doc, source, matrix, wanted, [base, count], corner, b)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl MeshPlan {
+    /// Points have what their primitive has, even where others share their vertices and have more.
+    fn points(
+        &self,
+        doc: &Document<'_>,
+        primitive: &Primitive,
+        base: usize,
+        wanted: &Wanted,
+        b: &mut Builder,
+    ) -> Result<(), Fail> {
+        for layer in wanted.others(&primitive.attributes) {
+            let Builder { layers, budget, .. } = b;
+            let list = &mut layers[layer].without;
+            let mut put = |v: usize| {
+                if list.len() == list.capacity() {
+                    budget.grow(list, 1, "points")?;
+                }
+                list.push((base + v) as u32);
+                Ok(())
+            };
+            match &primitive.indices {
+                Some(indices) => indices.each(doc, |[index]: [f64; 1]| put(index as usize))?,
+                None => {
+                    let at = || Place::Item(format!("meshes[{}]", self.number));
+                    (0..self.positions[primitive.positions].count).try_for_each(put).at(at)?;
+                }
+            }
         }
         Ok(())
     }
@@ -231,24 +283,8 @@ impl<'b> Elements<'b> {
     }
 }
 
-/// Count what a primitive has beside positions and indices.
-fn left_out(primitive: &Value, attributes: &Value, records: u64, b: &mut Builder) {
-    for name in attributes.as_object().into_iter().flat_map(|o| o.keys()) {
-        let layer = match name.as_str() {
-            "POSITION" => continue,
-            "NORMAL" => Layer::Normals,
-            "TANGENT" => Layer::Tangents,
-            n if n.starts_with("TEXCOORD_") => Layer::TextureCoordinates,
-            n if n.starts_with("COLOR_") => Layer::Colours,
-            // Counted with the node's skin.
-            n if n.starts_with("JOINTS_") || n.starts_with("WEIGHTS_") => continue,
-            _ => Layer::OtherAttributes,
-        };
-        b.tally.drop_layer(layer, records);
-    }
-    b.tally.drop_layer(Layer::Materials, u64::from(primitive.get("material").is_some()));
-    b.tally.drop_layer(
-        Layer::MorphTargets,
-        primitive.get("targets").and_then(Value::as_array).map_or(0, |t| t.len() as u64),
-    );
+/// Count what a primitive has beside positions, indices, attributes and a material.
+fn left_out(primitive: &Value, b: &mut Builder) {
+    let targets = primitive.get("targets").and_then(Value::as_array).map_or(0, |t| t.len() as u64);
+    b.tally.drop_layer(Layer::MorphTargets, targets);
 }

@@ -35,6 +35,32 @@ impl Matrix {
         self.0.map(|row| row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3])
     }
 
+    /// Whether directions stay as they are.
+    pub fn keeps_directions(&self) -> bool {
+        (0..3).all(|r| self.0[r][..3] == Matrix::IDENTITY.0[r][..3])
+    }
+
+    /// A unit vector along the surface in its new place.
+    pub fn tangent(&self, v: [f64; 3]) -> [f64; 3] {
+        unit(self.0.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2]), v)
+    }
+
+    /// A unit normal in its new place: by the inverse transpose, which is the matrix of cofactors but for a factor.
+    pub fn normal(&self, v: [f64; 3]) -> [f64; 3] {
+        let m = &self.0;
+        let sign = if self.mirrors() { -1.0 } else { 1.0 };
+        let out = std::array::from_fn(|r| {
+            let (a, b) = ((r + 1) % 3, (r + 2) % 3);
+            (0..3)
+                .map(|c| {
+                    let (d, e) = ((c + 1) % 3, (c + 2) % 3);
+                    sign * v[c] * (m[a][d] * m[b][e] - m[a][e] * m[b][d])
+                })
+                .sum::<f64>()
+        });
+        unit(out, v)
+    }
+
     /// True when it turns right hands into left ones.
     pub fn mirrors(&self) -> bool {
         let [a, b, c] = &self.0;
@@ -66,6 +92,12 @@ impl Matrix {
         let s = numbers(node, "scale")?.unwrap_or([1.0; 3]);
         Ok(Matrix::from_trs(t, q, s))
     }
+}
+
+/// `v` with length 1; `otherwise` where it has none.
+fn unit(v: [f64; 3], otherwise: [f64; 3]) -> [f64; 3] {
+    let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if length > 0.0 && length.is_finite() { v.map(|x| x / length) } else { otherwise }
 }
 
 /// A mesh in its place.

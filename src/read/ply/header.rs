@@ -3,6 +3,7 @@
 use super::super::build::Kind;
 use super::super::error::{At, Fail, Place, ReadErrorKind, printable};
 use super::super::text::Cursor;
+use super::super::{DISTINCT, REPEATED};
 
 /// How the body is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,7 +108,9 @@ pub(super) struct Header<'a> {
     pub encoding: Encoding,
     pub elements: Vec<Element<'a>>,
     /// Textures named in comments.
-    pub textures: u64,
+    pub textures: Vec<String>,
+    /// Whether vertices repeat for their attributes, where a comment of the writer tells.
+    pub repeats: Option<bool>,
 }
 
 /// Read the header and leave the cursor at the first byte of the body.
@@ -119,7 +122,7 @@ pub(super) fn read<'a>(c: &mut Cursor<'a>, bytes: &'a [u8]) -> Result<Header<'a>
     // A binary body may begin with a byte that looks like part of the line end: the first line shows what one is.
     let crlf = c.rest().starts_with(b"\r\n");
     c.end_line();
-    let mut header = Header { encoding: Encoding::Ascii, elements: Vec::new(), textures: 0 };
+    let mut header = Header { encoding: Encoding::Ascii, elements: Vec::new(), textures: Vec::new(), repeats: None };
     let mut encoding = None;
     loop {
         if c.peek().is_none() {
@@ -158,7 +161,13 @@ fn header_line<'a>(
     let words: Vec<&[u8]> = rest.split(u8::is_ascii_whitespace).filter(|w| !w.is_empty()).take(5).collect();
     let syntax = |message: String| Err(ReadErrorKind::Syntax(message));
     match (keyword, words.as_slice()) {
-        (b"comment", [b"TextureFile", ..]) => header.textures += 1,
+        (b"comment", [b"TextureFile", _, ..]) => {
+            let text = String::from_utf8_lossy(rest);
+            let name = text.trim().strip_prefix("TextureFile").unwrap_or_default().trim();
+            header.textures.push(name.trim_matches('"').to_string());
+        }
+        (b"comment", _) if rest.trim_ascii() == REPEATED.as_bytes() => header.repeats = Some(true),
+        (b"comment", _) if rest.trim_ascii() == DISTINCT.as_bytes() => header.repeats = Some(false),
         (b"comment" | b"obj_info" | b"", _) => {}
         (b"format", [kind, b"1.0"]) => {
             *encoding = Some(match *kind {

@@ -3,17 +3,29 @@
 //! Elements come in the order of the header, which may put faces before vertices: vertex numbers are held against
 //! the announced count. Every count is held against the bytes that are left before anything is made for it.
 //! Vertices with texture coordinates repeat along seams, so such files are welded by default.
+//!
+//! Properties of vertices become layers (`attributes`), texture coordinates listed at faces one on corners; images stand
+//! in comments `TextureFile`, and `texnumber` of a face counts them.
 
+mod attributes;
 mod header;
 mod source;
 #[cfg(test)]
 mod tests;
 
+use std::path::Path;
+
+use serde_json::json;
+
+use super::appearance::Files;
+use super::attribute::Wedges;
 use super::build::{Builder, Kind, MAX, index_from_zero};
 use super::error::{At, Fail, Place, ReadErrorKind};
 use super::text::Cursor;
 use super::warning::{Layer, Warning};
 use super::{ReadMesh, ReadOptions};
+use crate::mesh::NO_VALUE;
+use attributes::{Columns, FacePlan, VertexPlan};
 use header::{Element, Encoding, Header, Scalar};
 use source::{Ascii, Binary, Source};
 
@@ -21,10 +33,8 @@ const LIST_NAMES: [&str; 2] = ["vertex_indices", "vertex_index"];
 
 /// What an element means.
 enum Role {
-    /// The properties x, y, z.
-    Vertices([usize; 3]),
-    /// The list of vertices.
-    Faces(usize),
+    Vertices(VertexPlan),
+    Faces(FacePlan),
     /// The list of vertices.
     Strips(usize),
     /// The properties vertex1, vertex2.
@@ -32,12 +42,13 @@ enum Role {
     Other,
 }
 
-pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<ReadMesh, Fail> {
+pub(super) fn read(bytes: &[u8], base: Option<&Path>, options: &ReadOptions) -> Result<ReadMesh, Fail> {
     let mut c = Cursor::new(bytes);
     let header = header::read(&mut c, bytes)?;
     let vertex = header.elements.iter().find(|e| e.name == "vertex");
-    let weld = vertex.is_some_and(|e| e.properties.iter().any(|p| layer(p.name) == Some(Layer::TextureCoordinates)));
+    let weld = header.repeats.unwrap_or_else(|| vertex.is_some_and(attributes::has_texture_coordinates));
     let mut b = Builder::new(options, weld, bytes.len());
+    textures(&mut b, base, &header.textures)?;
     match header.encoding {
         Encoding::Ascii => {
             let mut source = Ascii(c);
@@ -50,19 +61,37 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<ReadMesh, Fail
         Encoding::Little => read_binary::<false>(&mut b, bytes, c.offset(), &header)?,
         Encoding::Big => read_binary::<true>(&mut b, bytes, c.offset(), &header)?,
     }
-    for element in &header.elements {
-        report(&mut b, element);
-    }
-    b.tally.drop_layer(Layer::Materials, header.textures);
     Ok(b.finish()?)
+}
+
+/// A material for each texture that the header names.
+fn textures(b: &mut Builder, base: Option<&Path>, names: &[String]) -> Result<(), Kind> {
+    if b.drop.materials {
+        return Ok(());
+    }
+    let mut files = Files::new(base);
+    for (number, name) in names.iter().enumerate() {
+        let image = files.image(b, name)?;
+        let material = json!({
+            "name": format!("material_{number}"),
+            "doubleSided": true,
+            "pbrMetallicRoughness": {"baseColorTexture": {"index": number}, "metallicFactor": 0.0},
+        })
+        .to_string();
+        b.budget.take(2 * material.len() as u64)?;
+        b.appearance.materials.push(material);
+        b.appearance.textures.push(json!({ "source": image }).to_string());
+    }
+    files.report(b);
+    Ok(())
 }
 
 fn read_binary<const BIG: bool>(b: &mut Builder, bytes: &[u8], pos: usize, header: &Header<'_>) -> Result<(), Fail> {
     let mut source = Binary::<BIG> { bytes, pos };
     for element in &header.elements {
         read_element(b, &mut source, header, element, |b, source, job| match job.role {
-            Role::Vertices(xyz) => fast_vertices(b, source, job.element, *xyz),
-            Role::Faces(list) => fast_faces(b, source, job.element, *list, job.vertices),
+            Role::Vertices(plan) => fast_vertices(b, source, job.element, plan),
+            Role::Faces(plan) if plan.bare() => fast_faces(b, source, job.element, plan.list, job.vertices),
             _ => Ok(false),
         })?;
     }
@@ -77,7 +106,7 @@ fn trailing(b: &mut Builder, count: u64) {
 }
 
 /// What an element holds, and which part of it means something.
-fn role(element: &Element<'_>) -> Result<Role, Kind> {
+fn role(b: &mut Builder, element: &Element<'_>) -> Result<Role, Kind> {
     let missing = |property: &str| {
         let name = element.name;
         ReadErrorKind::Syntax(format!("the element `{name}` has no {property}; add it to the header and the data"))
@@ -86,8 +115,8 @@ fn role(element: &Element<'_>) -> Result<Role, Kind> {
     let list = || element.list(&LIST_NAMES).ok_or_else(|| missing("list property `vertex_indices`"));
     Ok(match element.name {
         _ if element.count == 0 => Role::Other,
-        "vertex" => Role::Vertices([scalar("x")?, scalar("y")?, scalar("z")?]),
-        "face" => Role::Faces(list()?),
+        "vertex" => Role::Vertices(VertexPlan::new(b, element, [scalar("x")?, scalar("y")?, scalar("z")?])),
+        "face" => Role::Faces(FacePlan::new(b, element, list()?)),
         "tristrips" => Role::Strips(list()?),
         "edge" => Role::Edges([scalar("vertex1")?, scalar("vertex2")?]),
         _ => Role::Other,
@@ -111,7 +140,7 @@ fn read_element<S: Source>(
     fast: impl FnOnce(&mut Builder, &mut S, &Job<'_>) -> Result<bool, Fail>,
 ) -> Result<(), Fail> {
     let in_header = || Place::Line(element.line);
-    let role = role(element).at(in_header)?;
+    let role = role(b, element).at(in_header)?;
     let least = element.least_bytes(header.encoding);
     // The last number of an ASCII file needs nothing behind it.
     let left = source.remaining() + u64::from(header.encoding == Encoding::Ascii);
@@ -132,13 +161,17 @@ fn read_element<S: Source>(
         Role::Faces(_) => b.expect_faces(count, 0).at(in_header)?,
         _ => {}
     }
+    // Without numbers of textures, there is one for all faces.
+    let one = element.name != "edge" && !b.appearance.materials.is_empty();
+    b.use_material(if one { 0 } else { NO_VALUE }).at(in_header)?;
+    report(b, element, &role);
     if fast(b, source, &Job { element, role: &role, vertices })? {
         return Ok(());
     }
     match role {
-        Role::Vertices(xyz) => read_vertices(b, source, element, xyz),
-        Role::Faces(list) => read_lists(b, source, element, list, vertices, false),
-        Role::Strips(list) => read_lists(b, source, element, list, vertices, true),
+        Role::Vertices(plan) => read_vertices(b, source, element, &plan),
+        Role::Faces(plan) => read_faces(b, source, element, &plan, vertices),
+        Role::Strips(list) => read_strips(b, source, element, list, vertices),
         Role::Edges(ends) => read_edges(b, source, element, ends, vertices),
         Role::Other => {
             for _ in 0..element.count {
@@ -167,45 +200,92 @@ fn list_length<S: Source>(source: &mut S, scalar: Scalar) -> Result<u64, Kind> {
     u64::try_from(n).map_err(|_| ReadErrorKind::Syntax(format!("a list of {n} items; mend the count")))
 }
 
-fn read_vertices<S: Source>(b: &mut Builder, source: &mut S, e: &Element<'_>, xyz: [usize; 3]) -> Result<(), Fail> {
+fn read_vertices<S: Source>(b: &mut Builder, source: &mut S, e: &Element<'_>, plan: &VertexPlan) -> Result<(), Fail> {
+    let mut row = vec![0.0; e.properties.len()];
     for _ in 0..e.count {
-        let mut p = [0.0; 3];
         let place = source.place();
-        for (i, property) in e.properties.iter().enumerate() {
-            match xyz.iter().position(|&k| k == i) {
-                Some(axis) => p[axis] = source.float(property.scalar).at(|| source.place())?,
-                None => skip_properties(source, std::slice::from_ref(property))?,
+        for ((property, x), &used) in e.properties.iter().zip(&mut row).zip(&plan.used) {
+            if used {
+                *x = source.float(property.scalar).at(|| source.place())?;
+            } else {
+                skip_properties(source, std::slice::from_ref(property))?;
             }
         }
-        b.vertex(p).at(|| if matches!(place, Place::Line(_)) { source.place() } else { place })?;
+        b.vertex(plan.xyz.map(|k| row[k]))
+            .at(|| if matches!(place, Place::Line(_)) { source.place() } else { place })?;
+        for Columns { layer, properties } in &plan.columns {
+            for &k in properties {
+                b.value(*layer, row[k]).at(|| source.place())?;
+            }
+        }
+    }
+    plan.finish(b, e);
+    Ok(())
+}
+
+/// Faces with all that they may have.
+fn read_faces<S: Source>(
+    b: &mut Builder,
+    source: &mut S,
+    e: &Element<'_>,
+    plan: &FacePlan,
+    vertices: u64,
+) -> Result<(), Fail> {
+    let mut wedges: Vec<Wedges> = plan.uvs.iter().map(|_| Wedges::default()).collect();
+    let mut uvs: Vec<Vec<f64>> = plan.uvs.iter().map(|_| Vec::new()).collect();
+    let mut partial = 0u64;
+    for _ in 0..e.count {
+        let first = b.corner_count();
+        for (i, property) in e.properties.iter().enumerate() {
+            if i == plan.list {
+                let n = list_length(source, property.list.unwrap_or(Scalar::U8)).at(|| source.place())?;
+                for _ in 0..n {
+                    let index = source.whole(property.scalar).at(|| source.place())?;
+                    let v = index_from_zero(index, vertices, "a face").at(|| source.place())?;
+                    b.corner(v).at(|| source.place())?;
+                }
+            } else if let Some(k) = plan.uvs.iter().position(|uv| uv.0 == i) {
+                let n = list_length(source, property.list.unwrap_or(Scalar::U8)).at(|| source.place())?;
+                uvs[k].clear();
+                source.floats(property.scalar, n, &mut uvs[k]).at(|| source.place())?;
+            } else if plan.texture == Some(i) {
+                let number = source.float(property.scalar).at(|| source.place())?;
+                let known = number >= 0.0 && number < b.appearance.materials.len() as f64;
+                b.use_material(if known { number as u32 } else { NO_VALUE }).at(|| source.place())?;
+            } else {
+                skip_properties(source, std::slice::from_ref(property))?;
+            }
+        }
+        b.end_face().at(|| source.place())?;
+        let corners = b.corner_count() - first;
+        for (((_, layer), uvs), wedges) in plan.uvs.iter().zip(&uvs).zip(&mut wedges) {
+            if uvs.len() == 2 * corners {
+                b.wedges(*layer, first, uvs, wedges).at(|| source.place())?;
+            } else {
+                partial += u64::from(!uvs.is_empty() && corners > 0);
+            }
+        }
+    }
+    if partial > 0 {
+        b.tally.others.push(Warning::PartialFaces { layer: "uv".to_string(), count: partial });
     }
     Ok(())
 }
 
-/// Faces, or the strips of a `tristrips` element.
-fn read_lists<S: Source>(
+/// The strips of a `tristrips` element.
+fn read_strips<S: Source>(
     b: &mut Builder,
     source: &mut S,
     e: &Element<'_>,
     list: usize,
     vertices: u64,
-    strips: bool,
 ) -> Result<(), Fail> {
     let property = &e.properties[list];
     let count = property.list.unwrap_or(Scalar::U8);
     for _ in 0..e.count {
         skip_properties(source, &e.properties[..list])?;
         let n = list_length(source, count).at(|| source.place())?;
-        if strips {
-            read_strip(b, source, property.scalar, n, vertices)?;
-        } else {
-            for _ in 0..n {
-                let index = source.whole(property.scalar).at(|| source.place())?;
-                let v = index_from_zero(index, vertices, "a face").at(|| source.place())?;
-                b.corner(v).at(|| source.place())?;
-            }
-            b.end_face().at(|| source.place())?;
-        }
+        read_strip(b, source, property.scalar, n, vertices)?;
         skip_properties(source, &e.properties[list + 1..])?;
     }
     Ok(())
@@ -260,12 +340,13 @@ fn fast_vertices<const BIG: bool>(
     b: &mut Builder,
     source: &mut Binary<'_, BIG>,
     e: &Element<'_>,
-    xyz: [usize; 3],
+    plan: &VertexPlan,
 ) -> Result<bool, Fail> {
     let Some(stride) = e.stride() else { return Ok(false) };
     let offset = |i: usize| e.properties[..i].iter().map(|p| p.scalar.size()).sum::<usize>();
-    let at = xyz.map(offset);
-    match xyz.map(|i| e.properties[i].scalar) {
+    let at = plan.xyz.map(offset);
+    let start = source.pos;
+    match plan.xyz.map(|i| e.properties[i].scalar) {
         [Scalar::F32, Scalar::F32, Scalar::F32] => records(b, source, e.count, stride, |r| {
             at.map(|o| {
                 let x = [r[o], r[o + 1], r[o + 2], r[o + 3]];
@@ -281,6 +362,17 @@ fn fast_vertices<const BIG: bool>(
         })?,
         _ => return Ok(false),
     }
+    let all = &source.bytes[start..source.pos];
+    for Columns { layer, properties } in &plan.columns {
+        let values = &mut b.layers[*layer].values;
+        b.budget.reserve(values, e.count as usize * properties.len()).at(|| Place::Byte(start as u64))?;
+        values.resize(e.count as usize * properties.len(), 0.0);
+        for (k, &property) in properties.iter().enumerate() {
+            let column = values.iter_mut().skip(k).step_by(properties.len());
+            attributes::column::<BIG>(column, all, stride, offset(property), e.properties[property].scalar);
+        }
+    }
+    plan.finish(b, e);
     Ok(true)
 }
 
@@ -339,45 +431,34 @@ fn fast_faces<const BIG: bool>(
     Ok(true)
 }
 
-/// The layer that a property belongs to, by the names in use.
-fn layer(property: &str) -> Option<Layer> {
-    Some(match property {
-        "s" | "t" | "u" | "v" | "texture_u" | "texture_v" | "texcoord" | "texture_s" | "texture_t" => {
-            Layer::TextureCoordinates
-        }
-        "nx" | "ny" | "nz" => Layer::Normals,
-        "red" | "green" | "blue" | "alpha" | "diffuse_red" | "diffuse_green" | "diffuse_blue" | "r" | "g" | "b" => {
-            Layer::Colours
-        }
-        "texnumber" | "material_index" | "material_indices" | "texture_number" => Layer::Materials,
-        _ => return None,
-    })
-}
-
-/// Count what an element had beside the mesh.
-fn report(b: &mut Builder, e: &Element<'_>) {
-    if e.count == 0 {
-        return;
-    }
-    let used: &[&str] = match e.name {
-        "vertex" => &["x", "y", "z"],
-        "face" | "tristrips" => &LIST_NAMES,
-        "edge" => &["vertex1", "vertex2"],
-        _ => {
-            let element = e.name.to_string();
-            b.tally.others.push(Warning::SkippedElements { element, count: e.count });
+/// Name what an element has beside what is read.
+fn report(b: &mut Builder, e: &Element<'_>, role: &Role) {
+    let unknown: Vec<String> = match role {
+        Role::Vertices(plan) => plan.unknown.clone(),
+        Role::Faces(plan) => plan.unknown.clone(),
+        Role::Strips(_) => names(e, &LIST_NAMES),
+        Role::Edges(_) => names(e, &["vertex1", "vertex2"]),
+        Role::Other => {
+            if e.count > 0 {
+                let element = e.name.to_string();
+                b.tally.others.push(Warning::SkippedElements { element, count: e.count });
+            }
             return;
         }
     };
-    let mut layers: Vec<Layer> = e.properties.iter().filter_map(|p| layer(p.name)).collect();
-    layers.sort_unstable();
-    layers.dedup();
-    for l in layers {
-        b.tally.drop_layer(l, e.count);
+    if !unknown.is_empty() {
+        let element = e.name.to_string();
+        b.tally.others.push(Warning::SkippedProperties { element, names: unknown, count: e.count });
     }
-    let unknown = e.properties.iter().filter(|p| !used.contains(&p.name) && layer(p.name).is_none());
-    let names: Vec<String> = unknown.map(|p| p.name.to_string()).collect();
-    if !names.is_empty() {
-        b.tally.others.push(Warning::SkippedProperties { element: e.name.to_string(), names });
+    if let Role::Faces(FacePlan { texture: Some(_), .. }) = role
+        && b.appearance.materials.is_empty()
+        && !b.drop.materials
+    {
+        b.tally.drop_layer(Layer::Materials, e.count);
     }
+}
+
+/// Names of properties other than those that are used.
+fn names(e: &Element<'_>, used: &[&str]) -> Vec<String> {
+    e.properties.iter().filter(|p| !used.contains(&p.name)).map(|p| p.name.to_string()).collect()
 }

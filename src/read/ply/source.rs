@@ -11,6 +11,14 @@ pub(super) trait Source {
     fn float(&mut self, scalar: Scalar) -> Result<f64, Kind>;
     /// The next number, which has to be whole.
     fn whole(&mut self, scalar: Scalar) -> Result<i64, Kind>;
+    /// The next `count` numbers, behind those in `out`.
+    #[inline]
+    fn floats(&mut self, scalar: Scalar, count: u64, out: &mut Vec<f64>) -> Result<(), Kind> {
+        for _ in 0..count {
+            out.push(self.float(scalar)?);
+        }
+        Ok(())
+    }
     /// Past `count` numbers.
     fn skip(&mut self, scalar: Scalar, count: u64) -> Result<(), Kind>;
     /// Where the next number stands.
@@ -116,6 +124,22 @@ impl<const BIG: bool> Source for Binary<'_, BIG> {
                 value as i64
             }
         })
+    }
+
+    #[inline]
+    fn floats(&mut self, scalar: Scalar, count: u64, out: &mut Vec<f64>) -> Result<(), Kind> {
+        if scalar != Scalar::F32 {
+            for _ in 0..count {
+                out.push(self.float(scalar)?);
+            }
+            return Ok(());
+        }
+        let items = self.take(usize::try_from(count.saturating_mul(4)).unwrap_or(usize::MAX))?;
+        out.extend(items.chunks_exact(4).map(|x| {
+            let x = [x[0], x[1], x[2], x[3]];
+            f64::from(if BIG { f32::from_be_bytes(x) } else { f32::from_le_bytes(x) })
+        }));
+        Ok(())
     }
 
     #[inline]

@@ -1,6 +1,7 @@
 //! Small PLY files, right and wrong.
 
 use super::super::{Format, ReadMesh, ReadOptions, Warning, read_bytes};
+use crate::mesh::{LayerKind, NO_VALUE, Stored};
 
 fn ply(bytes: &[u8]) -> ReadMesh {
     read_bytes(bytes, Format::Ply, None, &ReadOptions::default()).unwrap()
@@ -14,7 +15,7 @@ fn faces(m: &ReadMesh) -> Vec<Vec<u32>> {
     m.mesh.faces().map(<[u32]>::to_vec).collect()
 }
 
-const ASCII: &str = "ply\nformat ascii 1.0\ncomment made by hand\nelement vertex 4\nproperty float x\nproperty uchar red\n\
+const ASCII: &str = "ply\nformat ascii 1.0\ncomment made by hand\nelement vertex 4\nproperty float x\nproperty uchar mark\n\
 property double y\nproperty float z\nproperty float quality\nelement camera 1\nproperty list uchar float view\n\
 property int id\nelement face 5\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\n\
 element edge 2\nproperty int vertex1\nproperty int vertex2\nelement tristrips 1\nproperty list int int vertex_indices\n\
@@ -34,12 +35,14 @@ fn ascii_with_everything() {
             "2 faces with fewer than three corners were read as edges or points",
             "1 face without corners was left out",
             "1 edge from a vertex to itself was read as a point",
-            "texture coordinates are not carried yet (5 records left out)",
-            "colours are not carried yet (4 records left out)",
-            "PLY properties of `vertex` skipped: quality",
             "1 PLY element `camera` skipped",
         ]
     );
+    let of = |name: &str| m.mesh.layers.iter().find(|l| l.name == name).unwrap();
+    assert_eq!((of("quality").kind, of("quality").value(1)), (LayerKind::Scalar, &[0.5][..]));
+    let uv = of("uv");
+    // The quad has an empty list, the triangle one of six zeros: one value.
+    assert_eq!((uv.len(), &uv.corners[..7]), (3, &[NO_VALUE, NO_VALUE, NO_VALUE, NO_VALUE, 0, 1, 2][..]));
     let crlf = ASCII.replace('\n', "\r\n");
     assert_eq!(ply(crlf.as_bytes()), m);
 }
@@ -97,7 +100,10 @@ fn binary_of_every_type_in_both_orders() {
                     let m = ply(&binary(big, real, index, count));
                     assert_eq!(m.mesh.positions[3], [9.0, 10.0, 100.0], "{big} {real} {index} {count}");
                     assert_eq!(faces(&m), [vec![0, 1, 2], vec![3, 2, 1, 0]]);
-                    assert_eq!(m.warnings.len(), 2);
+                    let flag = &m.mesh.layers[0];
+                    assert_eq!((flag.name.as_str(), flag.stored, flag.value(3)), ("flag", Stored::U8, &[10.0][..]));
+                    let skipped = "PLY properties of `face` skipped (2 records): group, area";
+                    assert_eq!(m.warnings[0].to_string(), skipped);
                 }
             }
         }
