@@ -40,6 +40,12 @@ pub enum WriteErrorKind {
     /// The target is a folder.
     #[error("this is a folder; name a file in it")]
     Directory,
+    /// A folder has the name of a file that goes beside the mesh.
+    #[error("{name}, which goes beside it, is a folder; write elsewhere")]
+    Taken {
+        /// The name.
+        name: String,
+    },
     /// The operating system refuses.
     #[error("no permission to write there; choose another folder or change its mode")]
     Permission,
@@ -107,6 +113,73 @@ pub enum WriteWarning {
         /// The largest change of a coordinate, in the units of the mesh.
         farthest: f64,
     },
+    /// A layer for which the format has no place.
+    LayerLeftOut {
+        /// Its name.
+        layer: String,
+        /// How many values it has.
+        count: u64,
+    },
+    /// Values at dangling edges, where the format has them at faces only.
+    EdgeValuesLeftOut {
+        /// The layer.
+        layer: String,
+        /// How many edges.
+        count: u64,
+    },
+    /// Values at isolated vertices, where the format has them at faces only.
+    PointValuesLeftOut {
+        /// The layer.
+        layer: String,
+        /// How many vertices.
+        count: u64,
+    },
+    /// The alpha of colours.
+    AlphaLeftOut {
+        /// The layer.
+        layer: String,
+        /// How many colours are not opaque.
+        count: u64,
+    },
+    /// Vertices repeated because the format has one value for each.
+    Repeated {
+        /// How many vertices there are more.
+        count: u64,
+    },
+    /// Vertices without a value, where the format needs one: it is 0.
+    Filled {
+        /// The layer.
+        layer: String,
+        /// How many vertices.
+        count: u64,
+    },
+    /// Numbers that single precision does not hold.
+    ValuesRounded {
+        /// The layer.
+        layer: String,
+        /// How many values.
+        count: u64,
+    },
+    /// Materials that say more than the format can.
+    MaterialsSimplified {
+        /// How many.
+        count: u64,
+    },
+    /// Materials and images that go into files of their own, for which there is no place beside a stream or a device.
+    FilesLeftOut {
+        /// How many files.
+        count: u64,
+    },
+    /// Images whose bytes are not known: the file refers to them by name.
+    ImagesMissing {
+        /// How many.
+        count: u64,
+    },
+    /// Images in a coding that readers of the format need not know.
+    ForeignImages {
+        /// How many.
+        count: u64,
+    },
 }
 
 impl fmt::Display for WriteWarning {
@@ -133,6 +206,50 @@ impl fmt::Display for WriteWarning {
                     f,
                     "{vertices} moved by up to {farthest:.1e} in the single precision of the format; PLY and OBJ keep them"
                 )
+            }
+            WriteWarning::LayerLeftOut { layer, count } => {
+                let values = counted(*count, "value", "values");
+                write!(f, "`{layer}` left out ({values}): the format has no place for it")
+            }
+            WriteWarning::EdgeValuesLeftOut { layer, count } => {
+                let edges = counted(*count, "dangling edge", "dangling edges");
+                write!(f, "`{layer}` left out at {edges}: the format has it at faces only")
+            }
+            WriteWarning::PointValuesLeftOut { layer, count } => {
+                let points = counted(*count, "isolated vertex", "isolated vertices");
+                write!(f, "`{layer}` left out at {points}: the format has it at faces only")
+            }
+            WriteWarning::AlphaLeftOut { layer, count } => {
+                let values = counted(*count, "value", "values");
+                write!(f, "alpha of {values} of `{layer}` left out: the format has none")
+            }
+            WriteWarning::Repeated { count } => {
+                let vertices = counted(*count, "vertex", "vertices");
+                write!(f, "{vertices} repeated: the format has one value of an attribute for each")
+            }
+            WriteWarning::Filled { layer, count } => {
+                let vertices = counted(*count, "vertex", "vertices");
+                write!(f, "{vertices} without a value of `{layer}` written with 0: the format needs one")
+            }
+            WriteWarning::ValuesRounded { layer, count } => {
+                let values = counted(*count, "value", "values");
+                write!(f, "{values} of `{layer}` rounded to the single precision of the format")
+            }
+            WriteWarning::MaterialsSimplified { count } => {
+                let materials = counted(*count, "material", "materials");
+                write!(f, "{materials} simplified: the format does not hold all that glTF says; GLB does")
+            }
+            WriteWarning::FilesLeftOut { count } => {
+                let files = counted(*count, "file", "files");
+                write!(f, "{files} of materials and images left out: write the mesh to a path, or as GLB")
+            }
+            WriteWarning::ImagesMissing { count } => {
+                let images = counted(*count, "image is", "images are");
+                write!(f, "{images} referred to by name only: the bytes are not known")
+            }
+            WriteWarning::ForeignImages { count } => {
+                let images = counted(*count, "image", "images");
+                write!(f, "{images} neither PNG nor JPEG nor WebP: viewers of glTF may not show them")
             }
         }
     }

@@ -2,19 +2,23 @@
 //!
 //! A polygon stays a polygon where the format has polygons. What a format cannot hold (dangling edges in STL) is
 //! left out, and a [`WriteWarning`] counts it. Coordinates are written so that they read back to the same point of
-//! the lattice where the format allows it.
+//! the lattice where the format allows it. Materials and images of OBJ and PLY go into files beside the mesh.
 //!
-//! [`write_path`] writes to a temporary file beside the target, syncs it and renames it: the target is whole or
-//! untouched, and nothing is left behind on failure.
+//! [`write_path`] writes to temporary files beside the target, syncs them and renames them, the mesh last: each file is
+//! whole or untouched, and nothing is left behind on failure.
 
+mod beside;
 mod error;
 mod glb;
+mod mtl;
 mod obj;
 mod ply;
+mod split;
 mod stl;
 #[cfg(test)]
 mod tests;
 
+use std::borrow::Cow;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -22,6 +26,7 @@ use std::path::{Path, PathBuf};
 use crate::lattice::Lattice;
 use crate::mesh::Mesh;
 use crate::read::Format;
+use beside::Beside;
 
 pub use error::{WriteError, WriteErrorKind, WriteWarning};
 
@@ -51,7 +56,8 @@ pub fn write_path(
     write_file(path, mesh, lattice, options).map_err(fail)
 }
 
-/// Write a mesh to a stream such as standard output. The stream is flushed.
+/// Write a mesh to a stream such as standard output. The stream is flushed. Of OBJ and PLY it holds the mesh alone,
+/// without the files of materials and images.
 ///
 /// # Errors
 /// See [`WriteErrorKind`]; errors call the target `output`.
@@ -63,7 +69,36 @@ pub fn write_to(
 ) -> Result<Vec<WriteWarning>, WriteError> {
     let fail = |kind| WriteError { name: "output".to_string(), kind };
     mesh.validate().map_err(|e| fail(e.into()))?;
-    emit(&mut out, format, mesh, lattice).and_then(|w| flushed(&mut out, w)).map_err(fail)
+    emit(&mut out, format, mesh, lattice, &mut Beside::default()).and_then(|w| flushed(&mut out, w)).map_err(fail)
+}
+
+/// What was written, and what belongs beside it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Written<'m> {
+    /// What the format had to leave out or change.
+    pub warnings: Vec<WriteWarning>,
+    /// Names and bytes of the files of materials and images to write into the folder of the mesh, before the mesh gets its
+    /// place there. The names are plain, unique and not those of files of another content.
+    pub files: Vec<(String, Cow<'m, [u8]>)>,
+}
+
+/// Write a mesh to a stream that will become the file `target`, for callers that put files into their places on their own.
+///
+/// # Errors
+/// See [`WriteErrorKind`]; errors call the target by its path.
+pub fn write_with_files<'m>(
+    mut out: impl Write,
+    target: &Path,
+    format: Format,
+    mesh: &'m Mesh,
+    lattice: Option<&Lattice>,
+) -> Result<Written<'m>, WriteError> {
+    let fail = |kind| WriteError { name: target.display().to_string(), kind };
+    mesh.validate().map_err(|e| fail(e.into()))?;
+    let mut beside = Beside::of(target);
+    let warnings =
+        emit(&mut out, format, mesh, lattice, &mut beside).and_then(|w| flushed(&mut out, w)).map_err(fail)?;
+    Ok(Written { warnings, files: beside.files })
 }
 
 fn flushed(out: &mut impl Write, warnings: Vec<WriteWarning>) -> Result<Vec<WriteWarning>, WriteErrorKind> {
@@ -71,17 +106,18 @@ fn flushed(out: &mut impl Write, warnings: Vec<WriteWarning>) -> Result<Vec<Writ
     Ok(warnings)
 }
 
-fn emit(
+fn emit<'m>(
     out: &mut impl Write,
     format: Format,
-    mesh: &Mesh,
+    mesh: &'m Mesh,
     lattice: Option<&Lattice>,
+    beside: &mut Beside<'m>,
 ) -> Result<Vec<WriteWarning>, WriteErrorKind> {
     match format {
-        Format::Obj => obj::write(out, mesh),
-        Format::Ply => ply::write(out, mesh, lattice),
+        Format::Obj => obj::write(out, mesh, beside),
+        Format::Ply => ply::write(out, mesh, lattice, beside),
         Format::Stl => stl::write(out, mesh, lattice),
-        Format::Glb => glb::write(out, mesh, lattice),
+        Format::Glb => glb::write(out, mesh, lattice, beside),
         Format::Off | Format::Gltf => Err(unknown(format.extension())),
     }
 }
@@ -110,7 +146,7 @@ fn write_file(
         // A device or a pipe must not be renamed over.
         Ok(meta) if !meta.is_file() => {
             let mut out = BufWriter::new(File::options().write(true).open(path)?);
-            let warnings = emit(&mut out, format, mesh, lattice)?;
+            let warnings = emit(&mut out, format, mesh, lattice, &mut Beside::default())?;
             return flushed(&mut out, warnings);
         }
         // Through a link to the file it names, which would else be replaced by a file of its own.
@@ -127,10 +163,37 @@ fn write_file(
     // Dropped on any error, and with it the file.
     let temporary = new_file(&folder)?;
     let mut out = BufWriter::with_capacity(1 << 16, temporary);
-    let warnings = emit(&mut out, format, mesh, lattice)?;
+    let mut beside = Beside::of(&target);
+    let warnings = emit(&mut out, format, mesh, lattice, &mut beside)?;
     let temporary = out.into_inner().map_err(io::IntoInnerError::into_error)?;
     temporary.as_file().sync_all()?;
-    temporary.persist(&target).map_err(|e| e.error)?;
+    let mut others = Vec::with_capacity(beside.files.len());
+    for (name, bytes) in &beside.files {
+        let path = folder.join(name);
+        // A folder of that name is found out now rather than in the middle of renaming.
+        if path.is_dir() {
+            return Err(WriteErrorKind::Taken { name: name.clone() });
+        }
+        let mut file = new_file(&folder)?;
+        file.write_all(bytes)?;
+        file.as_file().sync_all()?;
+        others.push((file, path));
+    }
+    // The mesh comes last: when it is there, all that it names is there.
+    let mut new: Vec<PathBuf> = Vec::new();
+    let renamed = others.into_iter().chain([(temporary, target)]).try_for_each(|(file, path)| {
+        let was = path.exists();
+        file.persist(&path).map_err(|e| e.error)?;
+        if !was {
+            new.push(path);
+        }
+        Ok::<(), io::Error>(())
+    });
+    if renamed.is_err() {
+        // There is an error to report already.
+        new.iter().for_each(|path| drop(fs::remove_file(path)));
+    }
+    renamed?;
     Ok(warnings)
 }
 

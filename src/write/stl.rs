@@ -19,6 +19,12 @@ pub(super) fn write(
     if !census.isolated.is_empty() {
         warnings.push(WriteWarning::PointsLeftOut { count: census.isolated.len() as u64 });
     }
+    for layer in &mesh.layers {
+        warnings.push(WriteWarning::LayerLeftOut { layer: layer.name.clone(), count: layer.len() as u64 });
+    }
+    if !mesh.appearance.materials.is_empty() {
+        warnings.push(WriteWarning::MaterialsSimplified { count: mesh.appearance.materials.len() as u64 });
+    }
     let rounded = moved(mesh, lattice, tolerance(mesh), single);
     if rounded.farthest.is_infinite() {
         let largest = mesh.positions.iter().flatten().fold(0.0, |m: f64, x| m.max(x.abs()));

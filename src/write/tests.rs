@@ -306,3 +306,301 @@ fn a_full_disk_is_an_error_wherever_it_strikes() {
         assert_eq!(error.kind, WriteErrorKind::DiskFull);
     }
 }
+
+mod with_attributes {
+    //! Layers, materials and images through every format and back.
+
+    use super::*;
+    use crate::mesh::{Image, Layer, LayerKind, NO_VALUE, Stored};
+
+    /// A layer over faces of which some have no values; `values` are what its numbers may be.
+    fn layer(mesh: &Mesh, name: &str, kind: LayerKind, stored: Stored, values: &[&[f64]], key: u64) -> Layer {
+        let mut out = Layer { name: name.into(), kind, width: values[0].len() as u8, stored, ..Layer::default() };
+        out.values = values.concat();
+        let mut state = key | 1;
+        let mut next = |n: u64| {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 33) % n
+        };
+        for (number, f) in mesh.faces().enumerate() {
+            let without = next(4) == 0 && number > 0;
+            let same = next(2) == 0;
+            for v in f {
+                // Half of the faces go by their vertices, so that seams and smooth places both occur.
+                let i = if same { u64::from(*v) % values.len() as u64 } else { next(values.len() as u64) };
+                out.corners.push(if without { NO_VALUE } else { i as u32 });
+            }
+        }
+        out
+    }
+
+    fn per_vertex(
+        mesh: &Mesh,
+        name: &str,
+        kind: LayerKind,
+        stored: Stored,
+        value: impl Fn(usize) -> Vec<f64>,
+    ) -> Layer {
+        let n = mesh.vertex_count();
+        let values: Vec<f64> = (0..n).flat_map(&value).collect();
+        Layer::per_vertex(name, kind, value(0).len() as u8, stored, values, &mesh.corners, n)
+    }
+
+    /// Triangles over vertices at places of their own.
+    fn triangles() -> impl Strategy<Value = Mesh> {
+        (3usize..12).prop_flat_map(|n| {
+            prop::collection::vec(prop::collection::vec(0..n as u32, 3), 1..20).prop_map(move |faces| {
+                let positions = (0..n).map(|i| [i as f64, (i * i) as f64, 0.5]).collect();
+                let mut mesh = Mesh { positions, ..Mesh::default() };
+                faces.iter().for_each(|f| mesh.push_face(f));
+                mesh
+            })
+        })
+    }
+
+    const UVS: [&[f64]; 4] = [&[0.0, 0.0], &[0.25, 0.75], &[-1.5, 3.0], &[1.0, 0.015625]];
+    const NORMALS: [&[f64]; 3] = [&[0.0, 0.0, 1.0], &[0.0, -1.0, 0.0], &[1.0, 0.0, 0.0]];
+
+    fn colour(i: usize) -> Vec<f64> {
+        [i * 7, i * 31 + 5, 255 - i].map(|c| (c % 256) as f64 / 255.0).to_vec()
+    }
+
+    fn materials(mesh: &mut Mesh, key: u64) {
+        mesh.material = (0..mesh.face_count()).map(|f| (f as u64 * key / 3 % 3) as u32).collect();
+        mesh.appearance.materials = vec![
+            r#"{"extras":{"mtl":["Kd 0.5 0.25 1","map_Kd -s 2 2 1 a b.png","illum 2"]},"name":"from mtl"}"#.into(),
+            r#"{"name":"plain","pbrMetallicRoughness":{"baseColorTexture":{"index":1}}}"#.into(),
+            r#"{"extensions":{"KHR_materials_unlit":{}},"name":"unlit"}"#.into(),
+        ];
+        mesh.appearance.textures = vec![r#"{"source":0}"#.into(), r#"{"sampler":0,"source":1}"#.into()];
+        mesh.appearance.samplers = vec![r#"{"wrapS":33071}"#.into()];
+        let png = |tail: u8| [b"\x89PNG\r\n\x1a\n".as_slice(), &[tail]].concat();
+        mesh.appearance.images = vec![
+            Image { name: "a b.png".into(), mime: "image/png".into(), bytes: png(1) },
+            Image { name: String::new(), mime: "image/png".into(), bytes: png(2) },
+        ];
+    }
+
+    /// Everything that is said of each face, sorted; and of each isolated vertex.
+    fn all_said(mesh: &Mesh, kinds: &[LayerKind]) -> Vec<String> {
+        let layers: Vec<&Layer> = mesh.layers.iter().filter(|l| kinds.contains(&l.kind)).collect();
+        let value = |l: &Layer, i: u32| (i != NO_VALUE).then(|| format!("{}{:?}", l.name, l.value(i)));
+        let mut out: Vec<String> = (0..mesh.face_count())
+            .map(|f| {
+                let own = mesh.face_start[f] as usize..mesh.face_start[f + 1] as usize;
+                let corner = |c: usize| {
+                    let mut said: Vec<_> = layers.iter().filter_map(|l| value(l, l.corners[c])).collect();
+                    said.sort();
+                    (mesh.positions[mesh.corners[c] as usize], said)
+                };
+                format!("{:?} {:?}", mesh.material.get(f), own.map(corner).collect::<Vec<_>>())
+            })
+            .collect();
+        for l in layers {
+            for &[v, i] in &l.isolated {
+                out.push(format!("alone {:?} {:?}", mesh.positions[v as usize], value(l, i)));
+            }
+        }
+        out.sort();
+        out
+    }
+
+    fn through(mesh: &Mesh, name: &str) -> (Mesh, Vec<WriteWarning>) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        let warnings = write_path(&path, mesh, None, &WriteOptions::default()).unwrap();
+        let read = read_path(&path, &ReadOptions::default()).unwrap();
+        assert_eq!(read.warnings, [], "{name}");
+        (read.mesh, warnings)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+
+        #[test]
+        fn obj_keeps_what_it_has_words_for(mut mesh in triangles(), key in 1u64..1000) {
+            mesh.layers.push(layer(&mesh, "uv", LayerKind::Uv, Stored::F32, &UVS, key));
+            mesh.layers.push(layer(&mesh, "normal", LayerKind::Normal, Stored::F32, &NORMALS, key * 3));
+            mesh.layers.push(per_vertex(&mesh, "color", LayerKind::Color, Stored::F32, colour));
+            materials(&mut mesh, key);
+            let (again, warnings) = through(&mesh, "mesh.obj");
+            prop_assert_eq!(&warnings, &[WriteWarning::MaterialsSimplified { count: 1 }]);
+            prop_assert_eq!(&again.corners, &mesh.corners);
+            // Materials are numbered by their first use, so they are compared by name.
+            let names = |m: &Mesh| -> Vec<String> {
+                let name = |&i: &u32| m.appearance.materials[i as usize].split("name\":").nth(1).unwrap()[..6].to_string();
+                m.material.iter().map(name).collect()
+            };
+            prop_assert_eq!(names(&again), names(&mesh));
+            let kinds = [LayerKind::Uv, LayerKind::Normal, LayerKind::Color];
+            let (mut a, mut b) = (again, mesh);
+            (a.material, b.material) = (Vec::new(), Vec::new());
+            prop_assert_eq!(all_said(&a, &kinds), all_said(&b, &kinds));
+        }
+
+        #[test]
+        fn ply_keeps_all_layers(mut mesh in triangles(), key in 1u64..1000, seams in any::<bool>()) {
+            mesh.layers.push(layer(&mesh, "uv", LayerKind::Uv, Stored::F32, &UVS, key));
+            mesh.layers.push(layer(&mesh, "uv1", LayerKind::Uv, Stored::F32, &UVS[1..], key * 7));
+            if seams {
+                let mut normals = layer(&mesh, "normal", LayerKind::Normal, Stored::F32, &NORMALS, key * 3);
+                normals.corners.iter_mut().filter(|i| **i == NO_VALUE).for_each(|i| *i = 0);
+                let used = |v: u32| mesh.corners.contains(&v);
+                normals.isolated = (0..mesh.vertex_count() as u32).filter(|v| !used(*v)).map(|v| [v, 1]).collect();
+                mesh.layers.push(normals);
+            }
+            mesh.layers.push(per_vertex(&mesh, "color", LayerKind::Color, Stored::U8, colour));
+            for (name, stored) in [("a", Stored::I8), ("b", Stored::U16), ("c", Stored::F64), ("d", Stored::I32)] {
+                mesh.layers.push(per_vertex(&mesh, name, LayerKind::Scalar, stored, |i| vec![i as f64]));
+            }
+            mesh.layers.push(layer(&mesh, "quality", LayerKind::Scalar, Stored::F32, &[&[0.5], &[7.0]], key));
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("a.ply");
+            let warnings = write_path(&path, &mesh, None, &WriteOptions::default()).unwrap();
+            prop_assert!(warnings.iter().all(|w| matches!(w, WriteWarning::Repeated { .. })), "{:?}", warnings);
+            let again = read_path(&path, &ReadOptions::default()).unwrap().mesh;
+            prop_assert_eq!(&again.corners, &mesh.corners);
+            let kinds = [LayerKind::Uv, LayerKind::Normal, LayerKind::Color, LayerKind::Scalar];
+            prop_assert_eq!(all_said(&again, &kinds), all_said(&mesh, &kinds));
+            let stored = |m: &Mesh| m.layers.iter().map(|l| (l.name.clone(), l.stored)).collect::<std::collections::BTreeMap<_, _>>();
+            prop_assert_eq!(stored(&again), stored(&mesh));
+        }
+
+        #[test]
+        fn glb_keeps_everything(mut mesh in triangles(), key in 1u64..1000, with in any::<[bool; 3]>()) {
+            if with[0] {
+                mesh.layers.push(layer(&mesh, "uv", LayerKind::Uv, Stored::F32, &UVS, key));
+            }
+            mesh.layers.push(layer(&mesh, "normal", LayerKind::Normal, Stored::F32, &NORMALS, key * 3));
+            if with[1] {
+                let tangents: [&[f64]; 2] = [&[0.0, 1.0, 0.0, -1.0], &[0.0, 0.0, 1.0, 1.0]];
+                let mut layer = layer(&mesh, "tangent", LayerKind::Tangent, Stored::F32, &tangents, key);
+                let normals = &mesh.layers[mesh.layers.len() - 1];
+                for (i, n) in layer.corners.iter_mut().zip(&normals.corners) {
+                    *i = if *n == NO_VALUE { NO_VALUE } else { 0 };
+                }
+                mesh.layers.push(layer);
+            }
+            mesh.layers.push(per_vertex(&mesh, "color", LayerKind::Color, Stored::U8, colour));
+            mesh.layers.push(per_vertex(&mesh, "color1", LayerKind::Color, Stored::U16, |i| vec![i as f64 / 65535.0, 0.0, 1.0, 0.0]));
+            mesh.layers.push(per_vertex(&mesh, "a", LayerKind::Scalar, Stored::I8, |i| vec![i as f64, -1.0]));
+            mesh.layers.push(layer(&mesh, "quality", LayerKind::Scalar, Stored::F32, &[&[0.5], &[7.0]], key * 5));
+            if with[2] {
+                materials(&mut mesh, key);
+                // A texture needs coordinates where its material is used.
+                if !with[0] {
+                    mesh.appearance.materials[1] = "{}".into();
+                }
+                if with[0] && mesh.material.contains(&1) {
+                    mesh.layers[0].corners.iter_mut().filter(|i| **i == NO_VALUE).for_each(|i| *i = 0);
+                }
+            }
+            let (again, warnings) = through(&mesh, "a.glb");
+            prop_assert_eq!(&warnings, &[]);
+            let kinds = [LayerKind::Uv, LayerKind::Normal, LayerKind::Tangent, LayerKind::Color, LayerKind::Scalar];
+            prop_assert_eq!(all_said(&again, &kinds), all_said(&mesh, &kinds));
+            prop_assert_eq!(&again.appearance, &mesh.appearance);
+            let stored = |m: &Mesh| m.layers.iter().map(|l| (l.name.clone(), l.stored)).collect::<std::collections::BTreeMap<_, _>>();
+            prop_assert_eq!(stored(&again), stored(&mesh));
+        }
+    }
+
+    fn textured() -> Mesh {
+        let mut mesh =
+            Mesh { positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0; 3]], ..Mesh::default() };
+        mesh.push_face(&[0, 1, 2]);
+        mesh.push_face(&[2, 1, 3]);
+        mesh.layers.push(layer(&mesh, "uv", LayerKind::Uv, Stored::F32, &UVS, 4));
+        mesh.layers[0].corners = vec![0, 1, 2, 3, 1, 0];
+        materials(&mut mesh, 3);
+        mesh
+    }
+
+    #[test]
+    fn libraries_and_images_lie_beside_the_mesh() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let listing = || {
+            let mut names: Vec<_> =
+                fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+            names.sort();
+            names
+        };
+        let mesh = textured();
+        write_path(at("my mesh.obj"), &mesh, None, &WriteOptions::default()).unwrap();
+        assert_eq!(listing(), ["a_b.png", "image1.png", "my mesh.obj", "my_mesh.mtl"]);
+        let mtl = fs::read_to_string(at("my_mesh.mtl")).unwrap();
+        assert_eq!(
+            mtl,
+            "# lodestream\n\nnewmtl from mtl\nKd 0.5 0.25 1\nmap_Kd -s 2 2 1 a_b.png\nillum 2\n\nnewmtl plain\nKd 1 1 1\nd 1\n\
+             Pr 1\nPm 1\nillum 2\nmap_Kd image1.png\n\nnewmtl unlit\nKd 1 1 1\nd 1\nPr 1\nPm 1\nillum 2\n"
+        );
+        assert!(fs::read_to_string(at("my mesh.obj")).unwrap().starts_with("mtllib my_mesh.mtl\nv 0 0 0\n"));
+        // Again, beside what is there; then beside a file of another content.
+        write_path(at("b.ply"), &mesh, None, &WriteOptions::default()).unwrap();
+        assert_eq!(listing().len(), 5);
+        fs::write(at("a_b.png"), "mine").unwrap();
+        for _ in 0..2 {
+            write_path(at("c.obj"), &mesh, None, &WriteOptions::default()).unwrap();
+            assert!(listing().contains(&"c_a_b.png".to_string()) && listing().len() == 8, "{:?}", listing());
+        }
+        assert_eq!(fs::read(at("a_b.png")).unwrap(), b"mine");
+        let read = read_path(at("c.obj"), &ReadOptions::default()).unwrap().mesh;
+        assert_eq!(read.appearance.images[0].bytes, mesh.appearance.images[0].bytes);
+    }
+
+    #[test]
+    fn nothing_stays_when_a_file_beside_cannot_be_written() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::create_dir(folder.path().join("m.mtl")).unwrap();
+        let error = write_path(folder.path().join("m.obj"), &textured(), None, &WriteOptions::default()).unwrap_err();
+        assert_eq!(error.kind.to_string(), "m.mtl, which goes beside it, is a folder; write elsewhere");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn streams_have_nothing_beside_them() {
+        let (file, warnings) = bytes(&textured(), Format::Obj, None);
+        assert_eq!(
+            warnings[0].to_string(),
+            "3 files of materials and images left out: write the mesh to a path, or as GLB"
+        );
+        let read = back(&file, Format::Obj, None);
+        assert_eq!(read.mesh.material.len(), 2);
+        let (_, warnings) = bytes(&textured(), Format::Stl, None);
+        assert_eq!(warnings[0].to_string(), "`uv` left out (4 values): the format has no place for it");
+    }
+
+    #[test]
+    fn hostile_names_stay_in_the_folder() {
+        let mut mesh = textured();
+        mesh.appearance.images[0].name = "..\\../etc/../.hidden\n name?.png".into();
+        mesh.appearance.images[1].name = "HIDDEN__name_.PNG".into();
+        let folder = tempfile::tempdir().unwrap();
+        write_path(folder.path().join("m.obj"), &mesh, None, &WriteOptions::default()).unwrap();
+        let mut names: Vec<_> = fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+        names.sort();
+        assert_eq!(names, ["hidden__name_.png", "m.mtl", "m.obj", "m_HIDDEN__name_.PNG"]);
+        // JSON that is none, and numbers beyond all lists.
+        mesh.appearance.materials[0] = "{".into();
+        mesh.appearance.materials[1] = r#"{"pbrMetallicRoughness":{"baseColorTexture":{"index":99}}}"#.into();
+        mesh.appearance.textures[0] = "[]".into();
+        for format in [Format::Obj, Format::Ply, Format::Glb, Format::Stl] {
+            bytes(&mesh, format, None);
+        }
+    }
+
+    #[test]
+    fn glb_says_which_extensions_it_uses_and_needs() {
+        let mut mesh = textured();
+        mesh.appearance.images[1].mime = "image/webp".into();
+        mesh.appearance.images[0].bytes.clear();
+        let (file, warnings) = bytes(&mesh, Format::Glb, None);
+        assert_eq!(warnings, [WriteWarning::ImagesMissing { count: 1 }]);
+        let doc = document(&file);
+        assert_eq!(doc["extensionsUsed"], serde_json::json!(["EXT_texture_webp", "KHR_materials_unlit"]));
+        assert_eq!(doc["extensionsRequired"], serde_json::json!(["EXT_texture_webp"]));
+        assert_eq!(doc["images"][0]["uri"], "a_b.png");
+        assert_eq!(doc["meshes"][0]["primitives"].as_array().unwrap().len(), 2);
+    }
+}

@@ -127,7 +127,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
     args.machine.run(|threads| {
         let mut stream = Stream::open(&args.input)?;
         let level = args.choice.pick(stream.front()).with_context(|| name.clone())?;
-        let output = Output::create(&args.output)?;
+        let mut output = Output::create(&args.output)?;
         let bars = Bars::new(!args.json);
         let mut reached = stream.decode(level, options(args.machine.memory_limit), &bars, |_, _| Ok(()))?;
         let mut warnings = Vec::new();

@@ -50,7 +50,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
         // Four fifths of the vertices in one closed surface, the rest in crumbs of a bit less than three each.
         let frequency = (f64::from(args.vertices) * 0.08).sqrt().max(1.0) as u32;
         let mesh = generate::ringed_asteroid(frequency, args.vertices / 14, u64::from(args.seed));
-        let output = Output::create(&source)?;
+        let mut output = Output::create(&source)?;
         output.write_mesh(&mesh, None)?;
         output.commit()?;
         shared::print(&format!(

@@ -37,6 +37,8 @@ pub struct Output {
     shown: String,
     /// Where the bytes go until then; `None` writes in place (a device or pipe, which a rename would replace).
     temporary: Option<PathBuf>,
+    /// Files of materials and images that get their places first.
+    beside: Vec<Output>,
 }
 
 impl Output {
@@ -50,7 +52,7 @@ impl Output {
         let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
         match fs::metadata(&target) {
             Ok(meta) if meta.is_dir() => bail!("{shown}: this is a folder; name a file in it"),
-            Ok(meta) if !meta.is_file() => return Ok(Output { target, shown, temporary: None }),
+            Ok(meta) if !meta.is_file() => return Ok(Output { target, shown, temporary: None, beside: Vec::new() }),
             _ => {}
         }
         let folder = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -67,7 +69,7 @@ impl Output {
             match File::create_new(&temporary) {
                 Ok(_) => {
                     files.push(temporary.clone());
-                    return Ok(Output { target, shown, temporary: Some(temporary) });
+                    return Ok(Output { target, shown, temporary: Some(temporary), beside: Vec::new() });
                 }
                 Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}
                 Err(e) if e.kind() == io::ErrorKind::PermissionDenied => {
@@ -95,19 +97,45 @@ impl Output {
         write().with_context(|| format!("{}: cannot be written", self.shown))
     }
 
-    /// Write a mesh in the format of the name's extension; see [`write::write_to`].
-    pub fn write_mesh(&self, mesh: &Mesh, lattice: Option<&Lattice>) -> Result<Vec<WriteWarning>> {
+    /// Write a mesh in the format of the name's extension, and what belongs beside it; see [`write::write_with_files`].
+    pub fn write_mesh(&mut self, mesh: &Mesh, lattice: Option<&Lattice>) -> Result<Vec<WriteWarning>> {
         let named = |error: WriteError| WriteError { name: self.shown.clone(), ..error };
         let extension = Path::new(&self.shown).extension().map(|e| e.to_string_lossy().into_owned());
         let Some(format) = extension.as_deref().and_then(Format::from_extension) else {
             bail!("{}: the extension names no format that can be written", self.shown);
         };
         let out = self.open().map_err(|e| WriteError { name: self.shown.clone(), kind: e.into() })?;
-        Ok(write::write_to(out, format, mesh, lattice).map_err(named)?)
+        if self.temporary.is_none() {
+            return Ok(write::write_to(out, format, mesh, lattice).map_err(named)?);
+        }
+        let written = write::write_with_files(out, &self.target, format, mesh, lattice).map_err(named)?;
+        let folder = self.target.parent().unwrap_or(Path::new(""));
+        for (name, bytes) in &written.files {
+            let file = Output::create(&folder.join(name))?;
+            file.write(|out| out.write_all(bytes))?;
+            self.beside.push(file);
+        }
+        Ok(written.warnings)
     }
 
-    /// Put the file in its place, once its bytes are on the disk.
+    /// Put the file in its place, once its bytes are on the disk; before it what belongs beside it.
     pub fn commit(mut self) -> Result<()> {
+        let mut new: Vec<PathBuf> = Vec::new();
+        let placed = std::mem::take(&mut self.beside).into_iter().try_for_each(|file| {
+            let path = Some(file.target.clone()).filter(|path| !path.exists());
+            file.place()?;
+            new.extend(path);
+            Ok(())
+        });
+        let placed = placed.and_then(|()| self.place());
+        if placed.is_err() {
+            // There is an error to report already.
+            new.iter().for_each(|path| drop(fs::remove_file(path)));
+        }
+        placed
+    }
+
+    fn place(mut self) -> Result<()> {
         let Some(temporary) = self.temporary.take() else { return Ok(()) };
         let mut files = temporary_files();
         let place = || {

@@ -124,7 +124,7 @@ fn against(args: &Args, source: &Path, decoded: &Mesh, lattice: &Lattice) -> Res
         bail!("the file and its source cannot both come from standard input");
     }
     let read = |weld| {
-        let options = ReadOptions { weld, memory_limit: args.machine.memory_limit };
+        let options = ReadOptions { weld, memory_limit: args.machine.memory_limit, ..ReadOptions::default() };
         shared::read_mesh(source, args.format, &options)
     };
     if let Some(path) = &args.map {
@@ -153,11 +153,20 @@ fn against(args: &Args, source: &Path, decoded: &Mesh, lattice: &Lattice) -> Res
 fn drop_welded_edges(mesh: &mut Mesh, map: &[u32]) {
     let image = |v: u32| map.get(v as usize);
     let is_point = |face: &[u32]| matches!(*face, [a, b] if a != b && image(a).is_some() && image(a) == image(b));
-    if mesh.faces().any(is_point) {
-        let mut kept = Mesh { positions: std::mem::take(&mut mesh.positions), ..Mesh::default() };
-        mesh.faces().filter(|face| !is_point(face)).for_each(|face| kept.push_face(face));
-        *mesh = kept;
+    if !mesh.faces().any(is_point) {
+        return;
     }
+    let mut kept = Mesh { positions: std::mem::take(&mut mesh.positions), ..Mesh::default() };
+    let faces: Vec<usize> = (0..mesh.face_count()).filter(|&f| !is_point(mesh.face(f))).collect();
+    faces.iter().for_each(|&f| kept.push_face(mesh.face(f)));
+    let corners = |f: usize| mesh.face_start[f] as usize..mesh.face_start[f + 1] as usize;
+    kept.layers = std::mem::take(&mut mesh.layers);
+    for layer in &mut kept.layers {
+        layer.corners = faces.iter().flat_map(|&f| &layer.corners[corners(f)]).copied().collect();
+    }
+    kept.material = faces.iter().filter_map(|&f| mesh.material.get(f).copied()).collect();
+    kept.appearance = std::mem::take(&mut mesh.appearance);
+    *mesh = kept;
 }
 
 fn read_map(path: &Path) -> Result<Vec<u32>> {
