@@ -308,7 +308,7 @@ fn attributes_are_left_out_with_a_counted_warning() {
     scratch.write("t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n");
     let run = lodestream(scratch.folder(), "encode t.obj -o t.lods --json");
     assert!(
-        run.stderr.contains("lodestream: warning: t.obj: texture coordinates are not carried yet (3 records left out)"),
+        run.stderr.contains("lodestream: warning: t.obj: `uv` is not kept yet (3 values left out)"),
         "{}",
         run.stderr
     );

@@ -31,7 +31,8 @@ fn findings_of_the_readers_stay_mended() {
             let bytes = fs::read(&path).unwrap();
             let limit = Some(400 * bytes.len() as u64 + 65_536);
             for weld in [None, Some(true), Some(false)] {
-                match read_bytes(&bytes, format, None, &ReadOptions { weld, memory_limit: limit }) {
+                match read_bytes(&bytes, format, None, &ReadOptions { weld, memory_limit: limit, ..Default::default() })
+                {
                     Ok(read) => read.mesh.validate().unwrap_or_else(|e| panic!("{}: {e}", path.display())),
                     Err(error) => {
                         let memory = matches!(error.kind, ReadErrorKind::Memory { .. });

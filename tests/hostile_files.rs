@@ -4,7 +4,7 @@
 //! small multiple of the file (which the memory limit would report).
 #![cfg(feature = "formats")]
 
-use lodestream::mesh::Mesh;
+use lodestream::mesh::{Image, Layer, LayerKind, Mesh, NO_VALUE, Stored};
 use lodestream::read::{Format, ReadErrorKind, ReadOptions, read_bytes};
 use lodestream::write::write_to;
 
@@ -92,7 +92,7 @@ fn storm(format: Format, seed: u64, files: &[Vec<u8>]) {
         // Enough for a mesh of the file's own size, far too little for a count that was made up.
         let limit = Some(300 * file.len() as u64 + 65_536);
         let weld = [None, Some(true), Some(false)][random.below(3)];
-        match read_bytes(&file, format, None, &ReadOptions { weld, memory_limit: limit }) {
+        match read_bytes(&file, format, None, &ReadOptions { weld, memory_limit: limit, ..Default::default() }) {
             Ok(found) => {
                 found.mesh.validate().unwrap();
                 assert!(found.map.iter().all(|&v| (v as usize) < found.mesh.vertex_count()));
@@ -117,6 +117,26 @@ fn sample() -> Mesh {
     for face in [&[0, 1, 4, 3][..], &[1, 2, 5], &[3, 4, 5, 7, 6], &[0, 2]] {
         mesh.push_face(face);
     }
+    let n = mesh.vertex_count();
+    let values = |width: usize, x: f64| (0..n * width).map(|i| x * (i % 5) as f64).collect();
+    let mut add = |name: &str, kind, width, stored, x| {
+        let layer = Layer::per_vertex(name, kind, width, stored, values(width as usize, x), &mesh.corners, n);
+        mesh.layers.push(layer);
+    };
+    add("uv", LayerKind::Uv, 2, Stored::F32, 0.25);
+    add("normal", LayerKind::Normal, 3, Stored::F32, 0.25);
+    add("color", LayerKind::Color, 4, Stored::U8, 0.2);
+    add("quality", LayerKind::Scalar, 1, Stored::I16, 3.0);
+    // A seam, and a face without.
+    mesh.layers[0].corners[..4].copy_from_slice(&[8, 7, 6, 5]);
+    mesh.layers[0].corners[4..7].fill(NO_VALUE);
+    mesh.material = vec![0, 1, NO_VALUE, 0];
+    mesh.appearance.materials =
+        vec![r#"{"name":"a","pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}"#.into(), "{}".into()];
+    mesh.appearance.textures = vec![r#"{"source":0,"sampler":0}"#.into()];
+    mesh.appearance.samplers = vec!["{}".into()];
+    mesh.appearance.images =
+        vec![Image { name: "a.png".into(), mime: "image/png".into(), bytes: b"\x89PNG\r\n\x1a\n".to_vec() }];
     mesh
 }
 
