@@ -62,7 +62,7 @@ pub(super) fn write<'m>(
     for name in &textures.names {
         writeln!(out, "comment TextureFile {name}")?;
     }
-    write!(out, "element vertex {}\n", split.vertex.len())?;
+    writeln!(out, "element vertex {}", split.vertex.len())?;
     write!(out, "property {real} x\nproperty {real} y\nproperty {real} z\n")?;
     let mut taken: BTreeSet<String> = ["x", "y", "z"].map(String::from).into();
     for column in &columns {
