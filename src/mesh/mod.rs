@@ -198,7 +198,7 @@ impl Mesh {
         if !(1..=MAX_WIDTH).contains(&layer.width) {
             return fail("a value has 1 to 4 components", layer.width as usize);
         }
-        if layer.values.len() % layer.width as usize != 0 || layer.len() > u32::MAX as usize - 1 {
+        if !layer.values.len().is_multiple_of(layer.width as usize) || layer.len() > u32::MAX as usize - 1 {
             return fail("not a whole number of values, or more than 2^32 - 2", layer.values.len());
         }
         if layer.corners.len() != self.corners.len() {
