@@ -19,8 +19,10 @@ pub mod generate;
 pub mod lattice;
 pub mod mesh;
 mod par;
-#[cfg(feature = "samples")]
+#[cfg(feature = "images")]
 pub mod picture;
+#[cfg(feature = "quality")]
+pub mod quality;
 
 #[cfg(feature = "encode")]
 pub mod metric;

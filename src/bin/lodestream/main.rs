@@ -5,10 +5,12 @@
 //! 130 stopped by a signal.
 #![forbid(unsafe_code)]
 
+mod compare;
 mod decode;
 mod demo;
 mod encode;
 mod info;
+mod model;
 mod output;
 mod progress;
 mod shared;
@@ -46,6 +48,8 @@ enum Command {
     Info(info::Args),
     /// Check all checksums, decode in full, and compare with the source
     Verify(verify::Args),
+    /// Measure how far two models are from each other, and how alike they look
+    Compare(compare::Args),
     /// Make a mesh, encode it, decode several levels, show pictures of them
     Demo(demo::Args),
 }
@@ -73,6 +77,7 @@ fn main() -> ExitCode {
         Command::Decode(args) => decode::run(args),
         Command::Info(args) => info::run(args),
         Command::Verify(args) => verify::run(args),
+        Command::Compare(args) => compare::run(args),
         Command::Demo(args) => demo::run(args),
     };
     match result {

@@ -1,0 +1,42 @@
+//! Models as `compare`, `render` and `report` take them: a mesh file, or a level of a `.lods` file.
+
+use crate::decode;
+use crate::progress::Bars;
+use crate::shared::{self, Machine};
+use crate::stream::Stream;
+use anyhow::{Context, Result, bail};
+use lodestream::mesh::Mesh;
+use lodestream::read::ReadOptions;
+use std::path::Path;
+
+/// A mesh and what it was.
+pub struct Model {
+    pub mesh: Mesh,
+    /// The level of a `.lods` file.
+    pub level: Option<u32>,
+}
+
+/// Whether a path names a `.lods` file.
+pub fn is_lods(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("lods"))
+}
+
+/// Read a mesh, or decode a `.lods` file up to `level` (the full one where none is named).
+pub fn load(path: &Path, level: Option<u32>, machine: &Machine, bars: &Bars) -> Result<Model> {
+    if !is_lods(path) {
+        let options = ReadOptions { memory_limit: machine.memory_limit, ..ReadOptions::default() };
+        return Ok(Model { mesh: shared::read_mesh(path, None, &options)?.mesh, level: None });
+    }
+    let name = shared::name(path);
+    let mut stream = Stream::open(path)?;
+    let full = stream.front().full_level();
+    let level = level.unwrap_or(full);
+    if level > full {
+        bail!("{name}: there is no level {level}: the levels are 0 to {full}; see lodestream info");
+    }
+    let mut reached = stream.decode(level, decode::options(machine.memory_limit), bars, |_, _| Ok(()))?;
+    if let Some(cut) = reached.cut {
+        return Err(cut).context(name);
+    }
+    Ok(Model { mesh: reached.decoder.to_mesh(), level: Some(level) })
+}
