@@ -332,3 +332,113 @@ fn help_has_examples() {
     assert_eq!((run.code, run.stdout.as_str()), (2, ""));
     assert_eq!(run.stderr.lines().count(), 1);
 }
+
+#[test]
+fn compare_measures_distances_and_looks() {
+    let scratch = rock("compare");
+    let json =
+        lodestream(scratch.folder(), "compare rock.ply rock.lods --samples 5000 --views 3 --size 176 --json").json();
+    let step = number(&lodestream(scratch.folder(), "info rock.lods --json").json()["quantization"]["step"]);
+    let diagonal = number(&json["geometry"]["diagonal"]);
+    for way in ["forward", "backward"] {
+        let way = &json["geometry"][way];
+        let [mean, rms, max] = ["mean", "rms", "max"].map(|field| number(&way[field]));
+        assert!(0.0 < mean && mean < rms && rms < max && max < step, "{way}");
+        assert!((number(&way["relative"]["mean"]) * diagonal - mean).abs() < 1e-12);
+        assert_eq!(way["samples"]["faces"], 5000);
+    }
+    assert!(number(&json["appearance"]["ms_ssim"]) > 0.99);
+    assert_eq!(json["appearance"]["views"].as_array().unwrap().len(), 3);
+    assert!(json["texture_coordinates"].is_null());
+    assert_eq!(json["geometry"]["sampling"]["weights"], "area");
+
+    let coarse = "compare rock.ply rock.lods --level 3 --samples 5000 --weigh samples --views 0 --json";
+    let far = lodestream(scratch.folder(), coarse).json();
+    assert!(number(&far["geometry"]["forward"]["mean"]) > number(&json["geometry"]["forward"]["mean"]));
+    assert!(far["appearance"].is_null());
+    assert_eq!(far["b"]["level"], 3);
+
+    let table = lodestream(scratch.folder(), "compare rock.ply rock.ply --samples 100 --views 1 --size 161").ok();
+    assert!(table.stdout.contains("A to B    mean 0.000000"), "{}", table.stdout);
+    assert!(table.stdout.contains("MS-SSIM   1.00000"), "{}", table.stdout);
+}
+
+#[test]
+fn compare_paints_distances() {
+    let scratch = rock("heat");
+    for name in ["heat.ply", "heat.png"] {
+        lodestream(scratch.folder(), &format!("compare rock.ply rock.lods --samples 500 --views 0 --heatmap {name}"))
+            .ok();
+    }
+    let heat = load(&scratch.path("heat.ply"));
+    assert_eq!(heat.face_count(), load(&scratch.path("rock.ply")).face_count());
+    assert!(std::fs::read(scratch.path("heat.png")).unwrap().starts_with(b"\x89PNG"));
+    let run = lodestream(scratch.folder(), "compare rock.ply rock.lods --heatmap heat.jpg");
+    assert_eq!(run.stderr, "lodestream: heat.jpg: a heatmap is a .ply file or a .png picture\n");
+    assert_eq!(run.code, 1);
+}
+
+#[test]
+fn compare_and_render_say_what_is_wrong() {
+    let scratch = rock("compare-errors");
+    scratch.write("nothing.obj", "");
+    for (words, says) in [
+        ("compare rock.ply nothing.obj", "nothing.obj: there is nothing to compare: it has no vertices"),
+        ("compare rock.ply rock.ply --level 2", "rock.ply: levels are in .lods files; leave --level out"),
+        ("compare rock.ply rock.lods --level 999", "rock.lods: there is no level 999: the levels are 0 to "),
+        ("render rock.ply -o rock.gif", "rock.gif: pictures are written as .png"),
+        ("render gone.ply -o rock.png", "gone.ply: "),
+    ] {
+        let run = lodestream(scratch.folder(), words);
+        assert_eq!(run.code, 1, "{words}");
+        assert!(run.stderr.starts_with(&format!("lodestream: {says}")), "{words}: {}", run.stderr);
+        assert_eq!(run.stderr.lines().count(), 1);
+    }
+    assert_eq!(scratch.names(), ["nothing.obj", "rock.lods", "rock.ply"]);
+}
+
+#[test]
+fn render_draws_levels() {
+    let scratch = rock("render");
+    for (words, out) in [
+        ("render rock.ply --size 64", "a.png"),
+        ("render rock.lods --size 64", "b.png"),
+        ("render rock.lods --level 2 --size 80x60 --view -40,10 --up z --perspective 40 --shading wire", "c.png"),
+        ("render rock.lods --view top --shading flat --size 64", "d.png"),
+    ] {
+        lodestream(scratch.folder(), &format!("{words} -o {out}")).ok();
+        assert!(std::fs::read(scratch.path(out)).unwrap().starts_with(b"\x89PNG"), "{words}");
+    }
+    let bad = lodestream(scratch.folder(), "render rock.ply -o e.png --view sideways");
+    assert_eq!(bad.code, 2);
+}
+
+#[test]
+fn report_is_one_page_and_its_data() {
+    let scratch = rock("report");
+    let words = "report rock.ply rock.lods -o out --levels 4 --samples 500 --views 2 --size 176 --json";
+    let json = lodestream(scratch.folder(), words).json();
+    let files = json["files"].as_array().unwrap();
+    assert_eq!((files[0]["name"].as_str(), files[1]["name"].as_str()), (Some("rock.ply"), Some("rock.lods")));
+    for file in files {
+        let levels = file["levels"].as_array().unwrap();
+        assert!((2..=4).contains(&levels.len()), "{file}");
+        let mut last = 0.0;
+        for level in levels {
+            assert!(number(&level["bytes"]) > last);
+            last = number(&level["bytes"]);
+            assert!(number(&level["max"]) >= number(&level["rms"]) && number(&level["rms"]) >= number(&level["mean"]));
+            assert!(number(&level["max"]) <= number(&level["bound"]), "the bound holds: {level}");
+            assert!((0.0..=1.0).contains(&number(&level["ms_ssim"])));
+        }
+        assert_eq!(last, number(&file["bytes"]));
+        assert!(number(&file["seconds"]["decode"]) > 0.0);
+    }
+    assert!(number(&files[0]["bits_by_kind"]["geometry"]) > 0.0);
+    let page = std::fs::read_to_string(scratch.path("out/report.html")).unwrap();
+    assert_eq!(page.matches("<polyline").count(), 8, "four charts, two files");
+    // Nothing is fetched from anywhere.
+    assert!(!page.contains("http") && !page.contains("src=\"/") && page.contains("data:image/png;base64,"));
+    let data: Value = serde_json::from_slice(&std::fs::read(scratch.path("out/report.json")).unwrap()).unwrap();
+    assert_eq!(data["files"], json["files"]);
+}

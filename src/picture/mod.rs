@@ -1,12 +1,51 @@
-//! Pictures of meshes without a graphics card: a z-buffer over orthographic projection, Lambert shading, PNG.
+//! Pictures of meshes: scenes with normals, colours and textures, cameras, a renderer, PNG.
 //!
-//! For looking at results (`lodestream demo`) and for tests that compare appearances. Rows are cut into bands that
-//! the cores draw side by side; the picture does not depend on how many there are.
+//! For looking at results (`lodestream render`, `demo`, `report`) and for measuring how alike two meshes look (`quality`). A renderer
+//! is anything that draws a [`Scene`] from a [`View`]; [`Cpu`] needs no graphics card and gives the same picture on any number of cores.
+//!
+//! The light is the one that quality is measured under (Caillaud et al. 2016, section 6): it comes from the upper left behind the eye and is
+//! indirect: half the sky is bright, nothing casts a shadow.
 
 mod font;
+mod material;
 mod raster;
+mod scene;
+mod texture;
+mod vector;
+mod view;
 
-pub use raster::{Shading, View, render};
+pub use raster::Cpu;
+pub use scene::Scene;
+pub use texture::{Pixels, decode};
+pub use view::View;
+
+use crate::mesh::Mesh;
+
+/// How faces are shaded.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Shading {
+    /// One brightness per face: the facets of a coarse level show.
+    Flat,
+    /// Normals of the file, or averaged at the vertices, blended over the faces.
+    #[default]
+    Smooth,
+    /// Flat, with the edges drawn over it.
+    Wire,
+}
+
+/// What draws pictures.
+pub trait Renderer: Sync {
+    /// Its name, for reports.
+    fn name(&self) -> &str;
+
+    /// Draw `scene` into a picture of the given size.
+    fn draw(&self, scene: &Scene, view: &View, width: u32, height: u32) -> Picture;
+}
+
+/// Draw a valid mesh once, with [`Cpu`].
+pub fn render(mesh: &Mesh, view: &View, shading: Shading, width: u32, height: u32) -> Picture {
+    Cpu.draw(&Scene::new(mesh, shading), view, width, height)
+}
 
 use std::io;
 
@@ -117,48 +156,4 @@ pub fn contact_sheet(title: &str, tiles: &[Tile], columns: u32) -> Picture {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::generate;
-    use crate::mesh::Mesh;
-
-    #[test]
-    fn a_sphere_is_a_bright_disc() {
-        let mesh = generate::sphere(8, 0.0, 0);
-        let view = View::front(&mesh);
-        let picture = render(&mesh, &view, Shading::Smooth, 64, 64);
-        let background = picture.pixel(0, 0);
-        assert_ne!(picture.pixel(32, 32), background);
-        let covered =
-            (0..64 * 64).filter(|i| picture.pixel(i % 64, i / 64) != background).count() as f64 / (64.0 * 64.0);
-        // A disc of 9/10 of the width covers 0.64 of the square.
-        assert!((0.5..0.8).contains(&covered), "{covered}");
-        for shading in [Shading::Flat, Shading::Wire] {
-            assert_ne!(render(&mesh, &view, shading, 64, 64), picture);
-        }
-    }
-
-    #[test]
-    fn edges_points_and_nothing_are_drawn_too() {
-        for mesh in [generate::crumbs(40, 1), generate::point_cloud(50, 1), generate::fan_book(7, 2, 1)] {
-            let picture = render(&mesh, &View::front(&mesh), Shading::Flat, 50, 40);
-            let background = picture.pixel(0, 0);
-            assert!((0..50 * 40).any(|i| picture.pixel(i % 50, i / 50) != background));
-        }
-        let empty = Mesh::default();
-        render(&empty, &View::front(&empty), Shading::Flat, 8, 8);
-    }
-
-    #[test]
-    fn sheets_are_readable_png_files() {
-        let tile = |n: u32| Tile { picture: Picture::new(n, n, [n as u8; 3]), caption: vec![format!("level {n}")] };
-        let sheet = contact_sheet("three levels", &[tile(30), tile(60), tile(45)], 2);
-        let mut bytes = Vec::new();
-        sheet.write_png(&mut bytes).unwrap();
-        let mut reader = png::Decoder::new(io::Cursor::new(&bytes)).read_info().unwrap();
-        let mut rgb = vec![0; reader.output_buffer_size().unwrap()];
-        let info = reader.next_frame(&mut rgb).unwrap();
-        assert_eq!((info.width, info.height), (sheet.width, sheet.height));
-        assert_eq!(rgb, sheet.rgb);
-    }
-}
+mod tests;

@@ -1,289 +1,431 @@
-//! Triangles, lines and points into a z-buffer.
+//! The renderer for machines without a graphics card: triangles, lines and points into a z-buffer, then light on what is seen.
+//!
+//! Two by two samples a pixel. Bands of rows are drawn side by side on all cores, each by itself, so the picture does not depend on how many
+//! there are. Coordinates are rounded to 1/256 of a sample and edges tested in integers with the top-left rule: no sample is
+//! missed or met twice where triangles share an edge. Each sample keeps the number of the nearest triangle; colours are computed once, at the end.
 
-use super::Picture;
-use crate::mesh::Mesh;
+use super::scene::{NONE, Paint, Scene, Triangle};
+use super::texture::{to_linear, to_srgb};
+use super::vector::{cross, normalized, sub};
+use super::{Picture, Renderer, View};
+use crate::par;
 
-/// How faces are shaded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Shading {
-    /// One brightness per face: the facets of a coarse level show.
-    Flat,
-    /// Normals averaged at the vertices and blended over the faces.
-    Smooth,
-    /// Flat, with the edges drawn over it.
-    Wire,
-}
-
-/// An orthographic camera: a rotation and the square that fits into the picture.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct View {
-    /// Rows: to the right, up, towards the eye; orthonormal.
-    axes: [[f64; 3]; 3],
-    /// In the middle of the picture.
-    centre: [f64; 3],
-    /// Half of the shorter side of the picture, in the units of the mesh.
-    radius: f64,
-}
-
-impl View {
-    /// From straight ahead (along −z), slightly from above and the right.
-    pub fn front(mesh: &Mesh) -> Self {
-        View::from_angles(mesh, -0.45, 0.35)
-    }
-
-    /// Turned about the upright y axis by `yaw`, then lifted by `pitch` (radians), with `mesh` filling nine tenths of the picture.
-    pub fn from_angles(mesh: &Mesh, yaw: f64, pitch: f64) -> Self {
-        let ((sy, cy), (sp, cp)) = (yaw.sin_cos(), pitch.sin_cos());
-        let axes = [[cy, 0.0, sy], [sp * sy, cp, -sp * cy], [-cp * sy, sp, cp * cy]];
-        let mut lo = [f64::INFINITY; 3];
-        let mut hi = [f64::NEG_INFINITY; 3];
-        for p in &mesh.positions {
-            for k in 0..3 {
-                let c = dot(axes[k], *p);
-                lo[k] = lo[k].min(c);
-                hi[k] = hi[k].max(c);
-            }
-        }
-        let middle = |k: usize| if lo[k] <= hi[k] { 0.5 * (lo[k] + hi[k]) } else { 0.0 };
-        let centre = std::array::from_fn(|j| (0..3).map(|k| axes[k][j] * middle(k)).sum());
-        let radius = 0.5 * (hi[0] - lo[0]).max(hi[1] - lo[1]) / 0.9;
-        View { axes, centre, radius: if radius > 0.0 && radius.is_finite() { radius } else { 1.0 } }
-    }
-
-    /// The same camera for a mesh whose y and z axes are exchanged (z upright, as in most scans).
-    pub fn z_up(mesh: &Mesh, yaw: f64, pitch: f64) -> Self {
-        let swap = |p: [f64; 3]| [p[0], p[2], -p[1]];
-        let turned = Mesh { positions: mesh.positions.iter().map(|&p| swap(p)).collect(), ..Mesh::default() };
-        let view = View::from_angles(&turned, yaw, pitch);
-        let back = |p: [f64; 3]| [p[0], -p[2], p[1]];
-        View { axes: view.axes.map(back), centre: back(view.centre), radius: view.radius }
-    }
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn normalized(a: [f64; 3]) -> [f64; 3] {
-    let length = dot(a, a).sqrt();
-    if length > 0.0 { a.map(|c| c / length) } else { [0.0, 0.0, 1.0] }
-}
-
+/// What is behind the mesh.
 const BACKGROUND: [u8; 3] = [38, 42, 50];
 /// Samples per pixel along each axis.
-const SAMPLES: u32 = 2;
-/// Rows of samples that one task draws.
+const SAMPLES: usize = 2;
+/// Rows of samples that one task draws; a multiple of [`SAMPLES`].
 const BAND: usize = 32;
+/// Parts of a sample that coordinates are rounded to.
+const PARTS: f64 = 256.0;
+/// Coordinates beyond it, in parts, are drawn to there.
+const FAR: f64 = (1i64 << 28) as f64;
+/// From where the light comes most: right, up, towards the eye.
+const LAMP: [f64; 3] = [-0.48, 0.6, 0.64];
 
-/// A mesh seen by a camera, in samples; z grows towards the eye.
-struct Scene<'a> {
-    mesh: &'a Mesh,
-    points: Vec<[f64; 3]>,
-    /// Per vertex for smooth shading, else per face.
-    normals: Vec<[f64; 3]>,
-    isolated: Vec<u32>,
-    shading: Shading,
+/// Numbers of lines and points in place of triangles'.
+const EMPTY: u32 = u32::MAX;
+const WIRE: u32 = u32::MAX - 1;
+const DANGLING: u32 = u32::MAX - 2;
+
+/// The renderer that needs nothing but processors.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Cpu;
+
+impl Renderer for Cpu {
+    fn name(&self) -> &str {
+        "cpu"
+    }
+
+    fn draw(&self, scene: &Scene, view: &View, width: u32, height: u32) -> Picture {
+        let frame = Frame::new(scene, view, width as usize * SAMPLES, height as usize * SAMPLES);
+        let bands = frame.bands();
+        let rows = par::map(bands, |band| frame.draw_band(band));
+        Picture { width, height, rgb: rows.concat() }
+    }
+}
+
+/// A point as it is seen: column and row in parts of a sample, depth, and how much nearer than the centre it is.
+#[derive(Clone, Copy)]
+struct Seen {
+    x: i32,
+    y: i32,
+    depth: f32,
+    near: f32,
+    there: bool,
+}
+
+/// What a band of rows has to draw.
+struct Band {
+    first: usize,
+    rows: usize,
+    triangles: Vec<u32>,
+}
+
+/// One picture in the making.
+struct Frame<'a> {
+    scene: &'a Scene,
+    seen: Vec<Seen>,
     width: usize,
     height: usize,
+    lamp: [f32; 3],
+    linear_background: [f32; 3],
+    coded: Vec<u8>,
 }
 
-/// Draw `mesh` into a picture of the given size.
-pub fn render(mesh: &Mesh, view: &View, shading: Shading, width: u32, height: u32) -> Picture {
-    let (columns, rows) = ((width * SAMPLES) as usize, (height * SAMPLES) as usize);
-    let scale = columns.min(rows) as f64 / (2.0 * view.radius);
-    let points: Vec<[f64; 3]> = mesh
-        .positions
-        .iter()
-        .map(|p| {
-            let d = std::array::from_fn(|k| p[k] - view.centre[k]);
-            let [x, y, z] = view.axes.map(|axis| dot(axis, d) * scale);
-            [0.5 * columns as f64 + x, 0.5 * rows as f64 - y, z]
-        })
-        .collect();
-    let face_normals = mesh.faces().map(|face| newell(&points, face));
-    let mut used = vec![false; points.len()];
-    mesh.corners.iter().for_each(|&v| used[v as usize] = true);
-    let isolated = (0..points.len() as u32).filter(|&v| !used[v as usize]).collect();
-    let normals = if shading == Shading::Smooth {
-        let mut sums = vec![[0.0; 3]; points.len()];
-        for (face, n) in mesh.faces().zip(face_normals) {
-            for &v in face {
-                (0..3).for_each(|k| sums[v as usize][k] += n[k]);
-            }
-        }
-        sums.into_iter().map(normalized).collect()
-    } else {
-        face_normals.map(normalized).collect()
-    };
-    let scene = Scene { mesh, points, normals, isolated, shading, width: columns, height: rows };
-    scene.resolve(&scene.draw(), width, height)
-}
-
-/// Twice the area vector of a polygon, y turned up again.
-fn newell(points: &[[f64; 3]], face: &[u32]) -> [f64; 3] {
-    let at = |i: usize| points[face[i % face.len()] as usize];
-    let mut sum = [0.0; 3];
-    for i in 1..face.len().saturating_sub(1) {
-        let (a, b, c) = (at(0), at(i), at(i + 1));
-        let n = cross(std::array::from_fn(|k| b[k] - a[k]), std::array::from_fn(|k| c[k] - a[k]));
-        // The picture's y points down, which turns the orientation round.
-        [n[0], -n[1], n[2]].iter().enumerate().for_each(|(k, c)| sum[k] -= c);
-    }
-    sum
-}
-
-/// Brightness under a lamp at the upper left behind the eye, fill light from the other side; back faces are tinted.
-fn shade(normal: [f64; 3]) -> [u8; 3] {
-    let back = normal[2] < 0.0;
-    let n = if back { normal.map(|c| -c) } else { normal };
-    let lamp = dot(n, [-0.48, 0.6, 0.64]).max(0.0);
-    let fill = dot(n, [0.7, -0.2, 0.68]).max(0.0);
-    let light = 0.12 + 0.78 * lamp + 0.16 * fill;
-    let tint = if back { [0.80, 0.58, 0.46] } else { [0.86, 0.88, 0.92] };
-    tint.map(|t| (255.0 * (light * t).min(1.0).powf(1.0 / 1.6)) as u8)
-}
-
-/// Rows `first..` of the z-buffer.
-struct Band<'a> {
+/// The nearest thing at each sample of a band.
+struct Buffer {
     first: usize,
     width: usize,
     rows: usize,
-    depth: &'a mut [f32],
-    colour: &'a mut [[u8; 3]],
+    depth: Vec<f32>,
+    id: Vec<u32>,
 }
 
-impl Band<'_> {
-    fn plot(&mut self, x: i64, y: i64, z: f64, colour: [u8; 3]) {
-        let row = y - self.first as i64;
-        if x >= 0 && x < self.width as i64 && row >= 0 && row < self.rows as i64 {
-            let at = row as usize * self.width + x as usize;
-            if z as f32 > self.depth[at] {
-                self.depth[at] = z as f32;
-                self.colour[at] = colour;
+impl<'a> Frame<'a> {
+    fn new(scene: &'a Scene, view: &View, width: usize, height: usize) -> Self {
+        let half = 0.5 * width.min(height) as f64;
+        let (middle_x, middle_y) = (0.5 * width as f64, 0.5 * height as f64);
+        let part = |c: f64| (c * PARTS).round().clamp(-FAR, FAR) as i32;
+        let seen = par::map(par::ranges(scene.points.len(), 1 << 14), |range| {
+            let see = |p: &[f64; 3]| match view.project(*p) {
+                Some(([x, y], depth, near)) => Seen {
+                    x: part(middle_x + half * x),
+                    y: part(middle_y - half * y),
+                    depth: depth as f32,
+                    near: near as f32,
+                    there: true,
+                },
+                None => Seen { x: 0, y: 0, depth: 0.0, near: 1.0, there: false },
+            };
+            scene.points[range].iter().map(see).collect::<Vec<Seen>>()
+        });
+        let lamp = normalized(LAMP);
+        let lamp = std::array::from_fn(|k| (0..3).map(|i| lamp[i] * view.axes[i][k]).sum::<f64>() as f32);
+        let coded = (0..=4096).map(|i| (255.0 * to_srgb(i as f32 / 4096.0) + 0.5) as u8).collect();
+        let linear_background = BACKGROUND.map(|c| to_linear(f32::from(c) / 255.0));
+        Frame { scene, seen: seen.concat(), width, height, lamp, linear_background, coded }
+    }
+
+    /// Sort the triangles into bands.
+    fn bands(&self) -> Vec<Band> {
+        let count = self.height.div_ceil(BAND);
+        let mut bands: Vec<Band> = (0..count)
+            .map(|i| Band { first: i * BAND, rows: BAND.min(self.height - i * BAND), triangles: Vec::new() })
+            .collect();
+        for (i, t) in self.scene.triangles.iter().enumerate() {
+            let [a, b, c] = t.points.map(|p| self.seen[p as usize]);
+            if !(a.there && b.there && c.there) {
+                continue;
+            }
+            let (left, right) = (a.x.min(b.x).min(c.x), a.x.max(b.x).max(c.x));
+            let (top, bottom) = (a.y.min(b.y).min(c.y), a.y.max(b.y).max(c.y));
+            let columns = samples(left, right, self.width);
+            let rows = samples(top, bottom, self.height);
+            if columns.is_empty() || rows.is_empty() {
+                continue;
+            }
+            for band in &mut bands[rows.start / BAND..=(rows.end - 1) / BAND] {
+                band.triangles.push(i as u32);
             }
         }
+        bands
     }
 
-    fn triangle(&mut self, p: [[f64; 3]; 3], colour: impl Fn([f64; 3]) -> [u8; 3]) {
-        let low = |k: usize| p[0][k].min(p[1][k]).min(p[2][k]);
-        let high = |k: usize| p[0][k].max(p[1][k]).max(p[2][k]);
-        let top = (low(1) - 0.5).ceil().max(self.first as f64) as usize;
-        let bottom = (high(1) - 0.5).floor().min((self.first + self.rows) as f64 - 1.0);
-        let left = (low(0) - 0.5).ceil().max(0.0) as usize;
-        let right = (high(0) - 0.5).floor().min(self.width as f64 - 1.0);
-        let area = (p[1][0] - p[0][0]) * (p[2][1] - p[0][1]) - (p[1][1] - p[0][1]) * (p[2][0] - p[0][0]);
-        if bottom < 0.0 || right < 0.0 || area == 0.0 {
-            return;
-        }
-        let side =
-            |a: [f64; 3], b: [f64; 3], x: f64, y: f64| ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / area;
-        for y in top..=bottom as usize {
-            for x in left..=right as usize {
-                let (sx, sy) = (x as f64 + 0.5, y as f64 + 0.5);
-                let w = [side(p[1], p[2], sx, sy), side(p[2], p[0], sx, sy), side(p[0], p[1], sx, sy)];
-                if w.iter().all(|&c| c >= 0.0) {
-                    let z = (0..3).map(|i| w[i] * p[i][2]).sum();
-                    self.plot(x as i64, y as i64, z, colour(w));
-                }
-            }
-        }
-    }
-
-    fn line(&mut self, a: [f64; 3], b: [f64; 3], lift: f64, colour: [u8; 3]) {
-        let (lo, hi) = (a[1].min(b[1]), a[1].max(b[1]));
-        if hi < self.first as f64 || lo > (self.first + self.rows) as f64 {
-            return;
-        }
-        // Coordinates beyond the picture by more than its size would only cost time.
-        let steps = (a[0] - b[0]).abs().max((a[1] - b[1]).abs()).ceil().clamp(1.0, 16.0 * self.width as f64);
-        for i in 0..=steps as u64 {
-            let t = i as f64 / steps;
-            let [x, y, z] = std::array::from_fn(|k| a[k] + t * (b[k] - a[k]));
-            self.plot(x.floor() as i64, y.floor() as i64, z + lift, colour);
-        }
-    }
-}
-
-impl Scene<'_> {
-    fn draw(&self) -> Vec<[u8; 3]> {
-        let mut colour = vec![BACKGROUND; self.width * self.height];
-        let mut depth = vec![f32::NEG_INFINITY; self.width * self.height];
-        let size = (BAND * self.width).max(1);
-        let bands = colour.chunks_mut(size).zip(depth.chunks_mut(size)).enumerate();
-        let band = |(i, (colour, depth)): (usize, (&mut [[u8; 3]], &mut [f32]))| {
-            let rows = colour.len() / self.width;
-            self.draw_band(&mut Band { first: i * BAND, width: self.width, rows, depth, colour });
+    fn draw_band(&self, band: Band) -> Vec<u8> {
+        let size = self.width * band.rows;
+        let mut buffer = Buffer {
+            first: band.first,
+            width: self.width,
+            rows: band.rows,
+            depth: vec![f32::NEG_INFINITY; size],
+            id: vec![EMPTY; size],
         };
-        #[cfg(feature = "parallel")]
-        {
-            use rayon::prelude::*;
-            bands.collect::<Vec<_>>().into_par_iter().for_each(band);
+        for &i in &band.triangles {
+            self.fill(&mut buffer, i);
         }
-        #[cfg(not(feature = "parallel"))]
-        bands.for_each(band);
-        colour
-    }
-
-    fn draw_band(&self, band: &mut Band<'_>) {
-        const EDGE: [u8; 3] = [30, 60, 92];
-        const DANGLING: [u8; 3] = [235, 170, 70];
-        let (first, last) = (band.first as f64, (band.first + band.rows) as f64);
-        for (f, face) in self.mesh.faces().enumerate() {
-            let at = |i: usize| self.points[face[i % face.len()] as usize];
-            let (mut top, mut bottom) = (f64::INFINITY, f64::NEG_INFINITY);
-            for i in 0..face.len() {
-                top = top.min(at(i)[1]);
-                bottom = bottom.max(at(i)[1]);
+        // Lines lie in the faces that they border; a hair's breadth lifts them out.
+        let lift = 3.0 / self.width.min(self.height).max(1) as f32;
+        for (lines, id, lift) in [(&self.scene.wires, WIRE, lift), (&self.scene.dangling, DANGLING, 0.0)] {
+            for line in lines.iter() {
+                let [a, b] = line.map(|p| self.seen[p as usize]);
+                buffer.line(a, b, lift, id);
             }
-            if bottom < first || top > last {
-                continue;
-            }
-            if face.len() == 2 {
-                band.line(at(0), at(1), 1.0, DANGLING);
-                continue;
-            }
-            let flat = if self.shading == Shading::Smooth { [0; 3] } else { shade(self.normals[f]) };
-            for i in 1..face.len() - 1 {
-                let p = [at(0), at(i), at(i + 1)];
-                if self.shading == Shading::Smooth {
-                    let n = [0, i, i + 1].map(|c| self.normals[face[c] as usize]);
-                    band.triangle(p, |w| {
-                        shade(normalized(std::array::from_fn(|k| (0..3).map(|c| w[c] * n[c][k]).sum())))
-                    });
-                } else {
-                    band.triangle(p, |_| flat);
+        }
+        for &p in &self.scene.isolated {
+            let p = self.seen[p as usize];
+            for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+                if p.there {
+                    let place = |c: i32| i64::from(c).div_euclid(PARTS as i64);
+                    buffer.plot(place(p.x) + dx, place(p.y) + dy, p.depth, DANGLING);
                 }
             }
-            if self.shading == Shading::Wire {
-                (0..face.len()).for_each(|i| band.line(at(i), at(i + 1), 0.75, EDGE));
-            }
         }
-        for &v in &self.isolated {
-            let [x, y, z] = self.points[v as usize];
-            for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-                band.plot(x.floor() as i64 + dx, y.floor() as i64 + dy, z, DANGLING);
+        self.resolve(&buffer)
+    }
+
+    /// Put a triangle into the buffer.
+    fn fill(&self, buffer: &mut Buffer, number: u32) {
+        let triangle = &self.scene.triangles[number as usize];
+        let Some(plane) = Plane::new(triangle.points.map(|p| self.seen[p as usize])) else { return };
+        let paint = &self.scene.materials[triangle.material as usize];
+        let cut = paint.cutoff.map(|cutoff| (cutoff, Surface::new(self, triangle, &plane)));
+        let columns = samples(plane.left, plane.right, self.width);
+        let rows = samples(plane.top, plane.bottom, self.height);
+        let rows = rows.start.max(buffer.first)..rows.end.min(buffer.first + buffer.rows);
+        if columns.is_empty() || rows.is_empty() {
+            return;
+        }
+        let step: [i64; 3] = plane.edges.map(|e| e[0] * PARTS as i64);
+        for row in rows {
+            let mut at = plane.at(columns.start, row);
+            let line = (row - buffer.first) * buffer.width;
+            let mut inside = false;
+            for column in columns.clone() {
+                // The bias makes samples on an edge belong to one of its two triangles.
+                if (at[0] + plane.bias[0]) | (at[1] + plane.bias[1]) | (at[2] + plane.bias[2]) >= 0 {
+                    inside = true;
+                    let depth = plane.depth(at);
+                    let place = line + column;
+                    if depth > buffer.depth[place] && cut.as_ref().is_none_or(|(c, s)| s.alpha(plane.weights(at)) >= *c)
+                    {
+                        buffer.depth[place] = depth;
+                        buffer.id[place] = number;
+                    }
+                } else if inside {
+                    break;
+                }
+                (0..3).for_each(|k| at[k] += step[k]);
             }
         }
     }
 
-    /// The mean of the samples of each pixel.
-    fn resolve(&self, samples: &[[u8; 3]], width: u32, height: u32) -> Picture {
-        let mut picture = Picture::new(width, height, BACKGROUND);
-        for y in 0..height {
-            for x in 0..width {
-                let mut sum = [0u32; 3];
+    /// Light what is seen, and take the mean of the samples of each pixel.
+    fn resolve(&self, buffer: &Buffer) -> Vec<u8> {
+        let columns = self.width / SAMPLES;
+        let mut rgb = Vec::with_capacity(3 * columns * buffer.rows / SAMPLES);
+        let mut last: Option<(u32, Plane, Surface<'_>)> = None;
+        let [wire, dangling] =
+            [[30, 60, 92], [235, 170, 70]].map(|c: [u8; 3]| c.map(|c| to_linear(f32::from(c) / 255.0)));
+        for y in 0..buffer.rows / SAMPLES {
+            for x in 0..columns {
+                let mut sum = [0.0f32; 3];
                 for s in 0..SAMPLES * SAMPLES {
                     let (column, row) = (x * SAMPLES + s % SAMPLES, y * SAMPLES + s / SAMPLES);
-                    let sample = samples[row as usize * self.width + column as usize];
-                    (0..3).for_each(|k| sum[k] += u32::from(sample[k]));
+                    let id = buffer.id[row * buffer.width + column];
+                    let colour = match id {
+                        EMPTY => self.linear_background,
+                        WIRE => wire,
+                        DANGLING => dangling,
+                        _ => {
+                            if last.as_ref().is_none_or(|(known, ..)| *known != id) {
+                                let triangle = &self.scene.triangles[id as usize];
+                                last = Plane::new(triangle.points.map(|p| self.seen[p as usize]))
+                                    .map(|plane| (id, plane, Surface::new(self, triangle, &plane)));
+                            }
+                            match &last {
+                                Some((_, plane, surface)) => {
+                                    surface.colour(plane.weights(plane.at(column, buffer.first + row)), self.lamp)
+                                }
+                                None => self.linear_background,
+                            }
+                        }
+                    };
+                    (0..3).for_each(|k| sum[k] += colour[k]);
                 }
-                picture.set(x, y, sum.map(|c| (c / (SAMPLES * SAMPLES)) as u8));
+                let coded =
+                    |c: f32| self.coded[(c / (SAMPLES * SAMPLES) as f32 * 4096.0 + 0.5).clamp(0.0, 4096.0) as usize];
+                rgb.extend(sum.map(coded));
             }
         }
-        picture
+        rgb
+    }
+}
+
+/// The samples between two coordinates in parts, of `limit` there are: sample `i` is at `i + 1/2`.
+fn samples(low: i32, high: i32, limit: usize) -> std::ops::Range<usize> {
+    let (parts, half) = (PARTS as i64, PARTS as i64 / 2);
+    let first = (i64::from(low) - half + parts - 1).div_euclid(parts).clamp(0, limit as i64);
+    let last = (i64::from(high) - half).div_euclid(parts).clamp(-1, limit as i64 - 1);
+    first as usize..(last + 1).max(first) as usize
+}
+
+/// A triangle on the screen. Edge `i` is opposite to corner `i`, its function grows inwards.
+#[derive(Clone, Copy)]
+struct Plane {
+    edges: [[i64; 3]; 3],
+    bias: [i64; 3],
+    inverse: f64,
+    depths: [f64; 3],
+    nears: [f32; 3],
+    left: i32,
+    right: i32,
+    top: i32,
+    bottom: i32,
+    /// Seen from behind.
+    back: bool,
+    /// In samples, of the triangle twice.
+    area: f64,
+}
+
+impl Plane {
+    /// `None` for one that is seen from the side, or lies behind the eye.
+    fn new(corners: [Seen; 3]) -> Option<Self> {
+        if corners.iter().any(|c| !c.there) {
+            return None;
+        }
+        let p = corners.map(|c| [i64::from(c.x), i64::from(c.y)]);
+        let area = (p[1][0] - p[0][0]) * (p[2][1] - p[0][1]) - (p[1][1] - p[0][1]) * (p[2][0] - p[0][0]);
+        if area == 0 {
+            return None;
+        }
+        // Rows count downwards: what runs counterclockwise has a negative area here.
+        let sign = area.signum();
+        let edge = |a: [i64; 2], b: [i64; 2]| {
+            let (x, y) = (sign * (a[1] - b[1]), sign * (b[0] - a[0]));
+            [x, y, -(x * a[0] + y * a[1])]
+        };
+        let edges = [edge(p[1], p[2]), edge(p[2], p[0]), edge(p[0], p[1])];
+        // Left edges and upper ones, along which the inside lies to the right or below, keep their samples.
+        let bias = edges.map(|[x, y, _]| if x > 0 || x == 0 && y > 0 { 0 } else { -1 });
+        let (xs, ys) = (corners.map(|c| c.x), corners.map(|c| c.y));
+        let low = |v: [i32; 3]| v[0].min(v[1]).min(v[2]);
+        let high = |v: [i32; 3]| v[0].max(v[1]).max(v[2]);
+        Some(Plane {
+            edges,
+            bias,
+            inverse: 1.0 / (sign * area) as f64,
+            depths: corners.map(|c| f64::from(c.depth)),
+            nears: corners.map(|c| c.near),
+            left: low(xs),
+            right: high(xs),
+            top: low(ys),
+            bottom: high(ys),
+            back: area > 0,
+            area: (sign * area) as f64 / (PARTS * PARTS),
+        })
+    }
+
+    /// The edge functions at a sample.
+    fn at(&self, column: usize, row: usize) -> [i64; 3] {
+        let place = |i: usize| i as i64 * PARTS as i64 + PARTS as i64 / 2;
+        self.edges.map(|[x, y, c]| x * place(column) + y * place(row) + c)
+    }
+
+    fn depth(&self, at: [i64; 3]) -> f32 {
+        ((at[0] as f64 * self.depths[0] + at[1] as f64 * self.depths[1] + at[2] as f64 * self.depths[2]) * self.inverse)
+            as f32
+    }
+
+    /// How much each corner counts at a sample, seen in perspective.
+    fn weights(&self, at: [i64; 3]) -> [f32; 3] {
+        let w: [f32; 3] = std::array::from_fn(|k| (at[k] as f64 * self.inverse) as f32 * self.nears[k]);
+        let sum = w[0] + w[1] + w[2];
+        w.map(|c| c / sum)
+    }
+}
+
+/// The values at the corners of a triangle, at hand for its samples.
+struct Surface<'a> {
+    paint: &'a Paint,
+    normals: [[f32; 3]; 3],
+    colours: Option<[[f32; 4]; 3]>,
+    uvs: Option<[[f32; 2]; 3]>,
+    /// The size of the texture that suits the triangle.
+    size: f32,
+    tint: [f32; 3],
+    back: bool,
+}
+
+impl<'a> Surface<'a> {
+    fn new(frame: &Frame<'a>, triangle: &Triangle, plane: &Plane) -> Self {
+        let scene = frame.scene;
+        let paint = &scene.materials[triangle.material as usize];
+        let normals = if triangle.normals[0] == NONE {
+            let [a, b, c] = triangle.points.map(|p| scene.points[p as usize]);
+            [normalized(cross(sub(b, a), sub(c, a))).map(|c| c as f32); 3]
+        } else {
+            triangle.normals.map(|n| scene.normals[n as usize])
+        };
+        let colours = (triangle.colours[0] != NONE).then(|| triangle.colours.map(|c| scene.colours[c as usize]));
+        let mut uvs = (triangle.uvs[0] != NONE).then(|| triangle.uvs.map(|t| scene.uvs[t as usize]));
+        if let (Some(uvs), Some([u, v, offset])) = (&mut uvs, paint.transform) {
+            *uvs = uvs.map(|t| std::array::from_fn(|k| u[k] * t[0] + v[k] * t[1] + offset[k]));
+        }
+        let size = uvs.filter(|_| paint.texels > 0.0).map_or(0.0, |[a, b, c]| {
+            // The transformation is in the coordinates already.
+            let area = ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs();
+            let full = paint.texels;
+            (0.5 * (f64::from(area) * full / plane.area).max(1e-6).log2()) as f32
+        });
+        let tint = match (paint.plain, plane.back) {
+            (false, _) => [1.0; 3],
+            (true, false) => [0.72, 0.75, 0.81],
+            (true, true) => [0.62, 0.33, 0.22],
+        };
+        Surface { paint, normals, colours, uvs, size, tint, back: plane.back }
+    }
+
+    /// Linear light and alpha before any lamp.
+    fn base(&self, w: [f32; 3]) -> [f32; 4] {
+        let mut base = self.paint.factor;
+        if let Some(c) = &self.colours {
+            (0..4).for_each(|k| base[k] *= w[0] * c[0][k] + w[1] * c[1][k] + w[2] * c[2][k]);
+        }
+        if let (Some(t), Some((texture, wrap))) = (&self.uvs, self.paint.texture()) {
+            let [u, v] = [0, 1].map(|k| w[0] * t[0][k] + w[1] * t[1][k] + w[2] * t[2][k]);
+            let value = texture.sample(u, v, self.size, wrap);
+            (0..4).for_each(|k| base[k] *= value[k]);
+        }
+        base
+    }
+
+    fn alpha(&self, w: [f32; 3]) -> f32 {
+        self.base(w)[3]
+    }
+
+    /// Under a bright half of the sky around `lamp`: what a surface gets of it is (1 + cos) / 2, without shadows.
+    fn colour(&self, w: [f32; 3], lamp: [f32; 3]) -> [f32; 3] {
+        let n: [f32; 3] =
+            std::array::from_fn(|k| w[0] * self.normals[0][k] + w[1] * self.normals[1][k] + w[2] * self.normals[2][k]);
+        let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
+        let cos = if length > 0.0 { (n[0] * lamp[0] + n[1] * lamp[1] + n[2] * lamp[2]) / length } else { 0.0 };
+        // Both sides of a face are seen; a back face is lit as the front of one turned round.
+        let sky = 0.5 + 0.5 * if self.back { -cos } else { cos };
+        let light = 0.04 + 0.96 * sky * sky;
+        let base = self.base(w);
+        std::array::from_fn(|k| light * base[k] * self.tint[k])
+    }
+}
+
+impl Buffer {
+    fn plot(&mut self, column: i64, row: i64, depth: f32, id: u32) {
+        let row = row - self.first as i64;
+        if column >= 0 && column < self.width as i64 && row >= 0 && row < self.rows as i64 {
+            let place = row as usize * self.width + column as usize;
+            if depth > self.depth[place] {
+                self.depth[place] = depth;
+                self.id[place] = id;
+            }
+        }
+    }
+
+    fn line(&mut self, a: Seen, b: Seen, lift: f32, id: u32) {
+        let parts = PARTS;
+        let (low, high) = (f64::from(a.y.min(b.y)) / parts, f64::from(a.y.max(b.y)) / parts);
+        if !a.there || !b.there || high < self.first as f64 || low > (self.first + self.rows) as f64 {
+            return;
+        }
+        let (from, to) =
+            ([f64::from(a.x) / parts, f64::from(a.y) / parts], [f64::from(b.x) / parts, f64::from(b.y) / parts]);
+        // Coordinates beyond the picture by more than its size would only cost time.
+        let longest = (from[0] - to[0]).abs().max((from[1] - to[1]).abs());
+        let steps = longest.ceil().clamp(1.0, 16.0 * self.width as f64);
+        for i in 0..=steps as u64 {
+            let t = i as f64 / steps;
+            let [x, y] = [0, 1].map(|k| from[k] + t * (to[k] - from[k]));
+            let depth = a.depth + t as f32 * (b.depth - a.depth) + lift;
+            self.plot(x.floor() as i64, y.floor() as i64, depth, id);
+        }
     }
 }

@@ -160,7 +160,8 @@ impl<'a> Sampled<'a> {
         let faces = if has(&self.areas) { n } else { 0 };
         let parts = [
             self.sum(other, vertices, |block, f| {
-                let pick = |k: usize| self.vertices[(k as u128 * self.vertices.len() as u128 / vertices as u128) as usize];
+                let pick =
+                    |k: usize| self.vertices[(k as u128 * self.vertices.len() as u128 / vertices as u128) as usize];
                 block.for_each(|k| f(self.mesh.positions[pick(k) as usize]));
             }),
             self.sum(other, edges, |block, f| self.along_edges(block, edges, options.weights, f)),

@@ -21,9 +21,7 @@ pub fn colour(at: f64) -> [u8; 3] {
     let at = if at.is_nan() { 0.0 } else { at.clamp(0.0, 1.0) } * (STEPS.len() - 1) as f64;
     let i = (at as usize).min(STEPS.len() - 2);
     let t = at - i as f64;
-    std::array::from_fn(|k| {
-        (f64::from(STEPS[i][k]) * (1.0 - t) + f64::from(STEPS[i + 1][k]) * t + 0.5) as u8
-    })
+    std::array::from_fn(|k| (f64::from(STEPS[i][k]) * (1.0 - t) + f64::from(STEPS[i + 1][k]) * t + 0.5) as u8)
 }
 
 /// Write a binary PLY file of `mesh` with a colour and the property `quality` (the distance) at each vertex; `most` is the distance

@@ -195,9 +195,9 @@ impl Surface {
             }
             let node = &self.nodes[child as usize];
             let mut bounds = [0.0f32; 4];
-            for k in 0..3 {
+            for ((lo, hi), at) in node.lo.iter().zip(&node.hi).zip(at) {
                 for (i, bound) in bounds.iter_mut().enumerate() {
-                    let d = (node.lo[k][i] - at[k]).max(at[k] - node.hi[k][i]).max(0.0);
+                    let d = (lo[i] - at).max(at - hi[i]).max(0.0);
                     *bound += d * d;
                 }
             }
@@ -231,7 +231,8 @@ impl Surface {
                 continue;
             }
             let (child, count) = if b - a <= LEAF { (a as u32, (b - a) as u8) } else { (self.grow(a, b, slack), 0) };
-            let (lo, hi) = if count > 0 { boxed(&self.triangles[a..b], slack) } else { self.nodes[child as usize].whole() };
+            let (lo, hi) =
+                if count > 0 { boxed(&self.triangles[a..b], slack) } else { self.nodes[child as usize].whole() };
             let node = &mut self.nodes[at];
             for k in 0..3 {
                 node.lo[k][i] = lo[k];
@@ -373,9 +374,8 @@ pub(super) fn nearest_weights(x: V, t: &[V; 3]) -> [f64; 3] {
     }
     // A sliver: rounding hides on which side the point lies. The nearest of its sides is right.
     let sides = [(0, 1), (1, 2), (2, 0)];
-    let best = sides.into_iter().min_by(|&(a, b), &(c, d)| {
-        to_segment(x, t[a], t[b]).total_cmp(&to_segment(x, t[c], t[d]))
-    });
+    let best =
+        sides.into_iter().min_by(|&(a, b), &(c, d)| to_segment(x, t[a], t[b]).total_cmp(&to_segment(x, t[c], t[d])));
     let (a, b) = best.unwrap_or((0, 1));
     let e = sub(t[b], t[a]);
     let ee = dot(e, e);
@@ -401,8 +401,7 @@ mod tests {
     fn plain(x: V, t: &[V; 3]) -> f64 {
         let sides = to_segment(x, t[0], t[1]).min(to_segment(x, t[1], t[2])).min(to_segment(x, t[2], t[0]));
         let n = cross(sub(t[1], t[0]), sub(t[2], t[0]));
-        let inside = dot(n, n) > 0.0
-            && (0..3).all(|i| dot(cross(sub(t[(i + 1) % 3], t[i]), sub(x, t[i])), n) >= 0.0);
+        let inside = dot(n, n) > 0.0 && (0..3).all(|i| dot(cross(sub(t[(i + 1) % 3], t[i]), sub(x, t[i])), n) >= 0.0);
         if inside { (dot(n, sub(x, t[0])).powi(2) / dot(n, n)).min(sides) } else { sides }
     }
 

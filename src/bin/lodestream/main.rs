@@ -13,6 +13,8 @@ mod info;
 mod model;
 mod output;
 mod progress;
+mod render;
+mod report;
 mod shared;
 mod signal;
 mod stream;
@@ -50,6 +52,10 @@ enum Command {
     Verify(verify::Args),
     /// Measure how far two models are from each other, and how alike they look
     Compare(compare::Args),
+    /// Draw a mesh, or a level of a .lods file
+    Render(render::Args),
+    /// Measure what the levels of files cost and are worth, on one page
+    Report(report::Args),
     /// Make a mesh, encode it, decode several levels, show pictures of them
     Demo(demo::Args),
 }
@@ -78,6 +84,8 @@ fn main() -> ExitCode {
         Command::Info(args) => info::run(args),
         Command::Verify(args) => verify::run(args),
         Command::Compare(args) => compare::run(args),
+        Command::Render(args) => render::run(args),
+        Command::Report(args) => report::run(args),
         Command::Demo(args) => demo::run(args),
     };
     match result {

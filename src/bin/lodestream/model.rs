@@ -24,6 +24,9 @@ pub fn is_lods(path: &Path) -> bool {
 /// Read a mesh, or decode a `.lods` file up to `level` (the full one where none is named).
 pub fn load(path: &Path, level: Option<u32>, machine: &Machine, bars: &Bars) -> Result<Model> {
     if !is_lods(path) {
+        if level.is_some() {
+            bail!("{}: levels are in .lods files; leave --level out", shared::name(path));
+        }
         let options = ReadOptions { memory_limit: machine.memory_limit, ..ReadOptions::default() };
         return Ok(Model { mesh: shared::read_mesh(path, None, &options)?.mesh, level: None });
     }

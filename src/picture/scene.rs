@@ -1,0 +1,325 @@
+//! A mesh as triangles that can be drawn: corners with normals, colours and texture coordinates, materials with decoded images.
+//!
+//! A polygon of more than three corners is drawn as the triangles between its edges and the mean of its corners, as it is measured.
+
+use super::Shading;
+use super::material::Material;
+use super::texture::{self, Texture, to_linear};
+use super::vector::{cross, normalized, sub};
+use crate::mesh::{Layer, LayerKind, Mesh, NO_VALUE, Stored};
+use crate::par;
+
+/// No normal, colour or texture coordinate of one's own.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// A mesh, ready to be drawn from any side.
+pub struct Scene {
+    pub(super) points: Vec<[f64; 3]>,
+    pub(super) triangles: Vec<Triangle>,
+    pub(super) normals: Vec<[f32; 3]>,
+    /// Linear light, and alpha.
+    pub(super) colours: Vec<[f32; 4]>,
+    /// v downwards.
+    pub(super) uvs: Vec<[f32; 2]>,
+    pub(super) materials: Vec<Paint>,
+    /// Dangling edges.
+    pub(super) dangling: Vec<[u32; 2]>,
+    /// Edges of faces, for [`Shading::Wire`] only.
+    pub(super) wires: Vec<[u32; 2]>,
+    pub(super) isolated: Vec<u32>,
+    warnings: Vec<String>,
+}
+
+/// A triangle: numbers into the scene's lists.
+#[derive(Clone, Copy)]
+pub(super) struct Triangle {
+    pub(super) points: [u32; 3],
+    pub(super) normals: [u32; 3],
+    pub(super) colours: [u32; 3],
+    pub(super) uvs: [u32; 3],
+    pub(super) material: u32,
+}
+
+/// What a face is painted with.
+pub(super) struct Paint {
+    pub(super) factor: [f32; 4],
+    pub(super) cutoff: Option<f32>,
+    pub(super) texture: Option<(usize, [texture::Wrap; 2])>,
+    /// From texture coordinates to the image, where that is not the identity.
+    pub(super) transform: Option<[[f32; 2]; 3]>,
+    /// The image's texels in the unit square of texture coordinates.
+    pub(super) texels: f64,
+    pub(super) images: std::sync::Arc<Vec<Option<Texture>>>,
+    /// Without a material or colours: back faces show by their tint.
+    pub(super) plain: bool,
+}
+
+impl Scene {
+    /// Prepare a valid mesh ([`Mesh::validate`]). With [`Shading::Smooth`] normals of the file are used where there are some.
+    pub fn new(mesh: &Mesh, shading: Shading) -> Self {
+        let mut scene = Builder::new(mesh, shading).run();
+        scene.collect_lines(mesh, shading);
+        scene
+    }
+
+    /// What could not be drawn as the mesh says, one line each: images that are missing or in other formats.
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// Number of triangles.
+    pub fn triangles(&self) -> usize {
+        self.triangles.len()
+    }
+
+    fn collect_lines(&mut self, mesh: &Mesh, shading: Shading) {
+        let mut used = vec![false; mesh.positions.len()];
+        mesh.corners.iter().for_each(|&v| used[v as usize] = true);
+        self.isolated = (0..used.len() as u32).filter(|&v| !used[v as usize]).collect();
+        for face in mesh.faces() {
+            if let [a, b] = *face {
+                self.dangling.push([a, b]);
+            } else if shading == Shading::Wire {
+                self.wires.extend((0..face.len()).map(|i| [face[i], face[(i + 1) % face.len()]]));
+            }
+        }
+    }
+}
+
+/// The layers that are drawn, and the scene as far as it is.
+struct Builder<'a> {
+    mesh: &'a Mesh,
+    normal: Option<&'a Layer>,
+    colour: Option<&'a Layer>,
+    uvs: Vec<&'a Layer>,
+    /// Where the values of each layer of texture coordinates begin.
+    uv_start: Vec<u32>,
+    /// For each material the layer of its texture.
+    uv_layers: Vec<Option<usize>>,
+    smooth: bool,
+    scene: Scene,
+}
+
+impl<'a> Builder<'a> {
+    fn new(mesh: &'a Mesh, shading: Shading) -> Self {
+        let of = |kind: LayerKind, width: std::ops::RangeInclusive<u8>| {
+            mesh.layers.iter().filter(move |l| l.kind == kind && width.contains(&l.width))
+        };
+        let smooth = shading == Shading::Smooth;
+        let normal = of(LayerKind::Normal, 3..=3).next().filter(|_| smooth);
+        let colour = of(LayerKind::Color, 3..=4).next();
+        let uvs: Vec<&Layer> = of(LayerKind::Uv, 2..=4).collect();
+        let (materials, uv_layers, warnings) = materials(mesh, colour.is_some());
+        // Colours of scans are sRGB as images are; glTF's, which come with materials, are linear.
+        let coded = mesh.appearance.materials.is_empty()
+            || colour.is_some_and(|l| l.stored == Stored::U8 && mesh.material.is_empty());
+        let colours = colour.map_or_else(Vec::new, |layer| {
+            let linear = |c: f64| if coded { to_linear(c.clamp(0.0, 1.0) as f32) } else { c.clamp(0.0, 1.0) as f32 };
+            let value = |i: u32| {
+                let v = layer.value(i);
+                [linear(v[0]), linear(v[1]), linear(v[2]), v.get(3).map_or(1.0, |a| a.clamp(0.0, 1.0) as f32)]
+            };
+            (0..layer.len() as u32).map(value).collect()
+        });
+        let mut uv_start = Vec::new();
+        let mut uv_values = Vec::new();
+        for layer in &uvs {
+            uv_start.push(uv_values.len() as u32);
+            let value = |i: u32| [layer.value(i)[0] as f32, (1.0 - layer.value(i)[1]) as f32];
+            uv_values.extend((0..layer.len() as u32).map(value));
+        }
+        let normals = normal.map_or_else(Vec::new, |layer| {
+            (0..layer.len() as u32).map(|i| [0, 1, 2].map(|k| layer.value(i)[k] as f32)).collect()
+        });
+        let scene = Scene {
+            points: mesh.positions.clone(),
+            triangles: Vec::with_capacity(mesh.face_count()),
+            normals,
+            colours,
+            uvs: uv_values,
+            materials,
+            dangling: Vec::new(),
+            wires: Vec::new(),
+            isolated: Vec::new(),
+            warnings,
+        };
+        Builder { mesh, normal, colour, uvs, uv_start, uv_layers, smooth, scene }
+    }
+
+    fn run(mut self) -> Scene {
+        // Where normals of vertices begin, when there are none in the file.
+        let computed = self.scene.normals.len() as u32;
+        let face_normals: Vec<[f64; 3]> = self.mesh.faces().map(|face| self.newell(face)).collect();
+        if self.smooth && self.normal.is_none() {
+            let mut sums = vec![[0.0; 3]; self.mesh.positions.len()];
+            for (face, n) in self.mesh.faces().zip(&face_normals) {
+                face.iter().for_each(|&v| (0..3).for_each(|k| sums[v as usize][k] += n[k]));
+            }
+            self.scene.normals.extend(sums.into_iter().map(|n| normalized(n).map(|c| c as f32)));
+        }
+        for (f, &face_normal) in face_normals.iter().enumerate() {
+            let face = self.mesh.face(f);
+            if face.len() < 3 {
+                continue;
+            }
+            let first = self.mesh.face_start[f] as usize;
+            let own = self.mesh.material.get(f).copied().filter(|&m| m != NO_VALUE);
+            // Number 0 is what faces without a material have.
+            let material = own.map_or(0, |m| m + 1);
+            let layer = own.and_then(|m| self.uv_layers[m as usize]).filter(|&l| l < self.uvs.len());
+            let flat = if self.smooth && self.normal.is_none() {
+                NONE
+            } else {
+                self.scene.normals.push(normalized(face_normal).map(|c| c as f32));
+                self.scene.normals.len() as u32 - 1
+            };
+            let corner = |i: usize| {
+                let at = first + i;
+                let value = |layer: &Layer| layer.corners.get(at).copied().filter(|&v| v != NO_VALUE);
+                Corner {
+                    point: face[i],
+                    normal: match self.normal {
+                        Some(layer) => value(layer).unwrap_or(flat),
+                        None if self.smooth => computed + face[i],
+                        None => flat,
+                    },
+                    colour: self.colour.and_then(value).unwrap_or(NONE),
+                    uv: layer.and_then(|l| Some(value(self.uvs[l])? + self.uv_start[l])).unwrap_or(NONE),
+                }
+            };
+            let corners: Vec<Corner> = (0..face.len()).map(corner).collect();
+            if let [a, b, c] = corners[..] {
+                self.push([a, b, c], material);
+                continue;
+            }
+            let middle = self.middle(&corners);
+            for i in 0..corners.len() {
+                self.push([corners[i], corners[(i + 1) % corners.len()], middle], material);
+            }
+        }
+        self.scene
+    }
+
+    fn push(&mut self, corners: [Corner; 3], material: u32) {
+        let numbers = |f: fn(&Corner) -> u32| {
+            let all = corners.each_ref().map(f);
+            if all.contains(&NONE) { [NONE; 3] } else { all }
+        };
+        self.scene.triangles.push(Triangle {
+            points: numbers(|c| c.point),
+            normals: numbers(|c| c.normal),
+            colours: numbers(|c| c.colour),
+            uvs: numbers(|c| c.uv),
+            material,
+        });
+    }
+
+    /// A corner in the middle of a polygon.
+    fn middle(&mut self, corners: &[Corner]) -> Corner {
+        let mean = |values: Vec<Vec<f64>>| -> Vec<f64> {
+            let n = values.len() as f64;
+            (0..values[0].len()).map(|k| values.iter().map(|v| v[k]).sum::<f64>() / n).collect()
+        };
+        fn wide<const N: usize>(v: [f32; N]) -> Vec<f64> {
+            v.iter().map(|&c| f64::from(c)).collect()
+        }
+        let all = |f: fn(&Corner) -> u32| -> Option<Vec<usize>> {
+            corners.iter().map(|c| (f(c) != NONE).then(|| f(c) as usize)).collect()
+        };
+        let scene = &mut self.scene;
+        let mut middle = Corner { point: scene.points.len() as u32, normal: NONE, colour: NONE, uv: NONE };
+        let p = mean(corners.iter().map(|c| scene.points[c.point as usize].to_vec()).collect());
+        scene.points.push([p[0], p[1], p[2]]);
+        if let Some(all) = all(|c| c.normal) {
+            let n = mean(all.iter().map(|&i| wide(scene.normals[i])).collect());
+            middle.normal = scene.normals.len() as u32;
+            scene.normals.push(normalized([n[0], n[1], n[2]]).map(|c| c as f32));
+        }
+        if let Some(all) = all(|c| c.colour) {
+            let c = mean(all.iter().map(|&i| wide(scene.colours[i])).collect());
+            middle.colour = scene.colours.len() as u32;
+            scene.colours.push([0, 1, 2, 3].map(|k| c[k] as f32));
+        }
+        if let Some(all) = all(|c| c.uv) {
+            let t = mean(all.iter().map(|&i| wide(scene.uvs[i])).collect());
+            middle.uv = scene.uvs.len() as u32;
+            scene.uvs.push([t[0] as f32, t[1] as f32]);
+        }
+        middle
+    }
+
+    /// Twice the area vector of a polygon.
+    fn newell(&self, face: &[u32]) -> [f64; 3] {
+        let p = |i: usize| self.mesh.positions[face[i] as usize];
+        let mut sum = [0.0; 3];
+        for i in 1..face.len().saturating_sub(1) {
+            let n = cross(sub(p(i), p(0)), sub(p(i + 1), p(0)));
+            (0..3).for_each(|k| sum[k] += n[k]);
+        }
+        sum
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Corner {
+    point: u32,
+    normal: u32,
+    colour: u32,
+    uv: u32,
+}
+
+/// What faces are painted with (first those without a material), the layer of each material's texture, and what is missing.
+fn materials(mesh: &Mesh, coloured: bool) -> (Vec<Paint>, Vec<Option<usize>>, Vec<String>) {
+    let appearance = &mesh.appearance;
+    let materials: Vec<Material> = (0..appearance.materials.len()).map(|i| Material::new(appearance, i)).collect();
+    let mut wanted = vec![false; appearance.images.len()];
+    materials.iter().filter_map(|m| m.texture.as_ref()).for_each(|t| wanted[t.image] = true);
+    let decoded = par::map((0..wanted.len()).filter(|&i| wanted[i]).collect(), |i| {
+        (i, texture::decode(&appearance.images[i].bytes).map(|pixels| Texture::new(&pixels)))
+    });
+    let mut images: Vec<Option<Texture>> = wanted.iter().map(|_| None).collect();
+    let mut warnings = Vec::new();
+    for (i, result) in decoded {
+        match result {
+            Ok(texture) => images[i] = Some(texture),
+            Err(why) => {
+                let name = &appearance.images[i].name;
+                let name = if name.is_empty() { format!("image {i}") } else { name.clone() };
+                warnings.push(format!("{name}: {why}; its faces are drawn without it"));
+            }
+        }
+    }
+    let images = std::sync::Arc::new(images);
+    let bare = Paint {
+        factor: [1.0; 4],
+        cutoff: None,
+        texture: None,
+        transform: None,
+        texels: 0.0,
+        images: images.clone(),
+        plain: !coloured,
+    };
+    let paint = |m: Material| {
+        let texture = m.texture.filter(|t| images[t.image].is_some());
+        let texels = texture.as_ref().and_then(|t| images[t.image].as_ref()).map_or(0.0, Texture::texels);
+        Paint {
+            factor: m.factor,
+            cutoff: m.cutoff,
+            texels,
+            transform: texture.as_ref().and_then(|t| t.transform),
+            texture: texture.map(|t| (t.image, t.wrap)),
+            images: images.clone(),
+            plain: false,
+        }
+    };
+    let layers = materials.iter().map(|m| m.texture.as_ref().map(|t| t.layer)).collect();
+    (std::iter::once(bare).chain(materials.into_iter().map(paint)).collect(), layers, warnings)
+}
+
+impl Paint {
+    /// The decoded image and what lies beyond its edges.
+    pub(super) fn texture(&self) -> Option<(&Texture, [texture::Wrap; 2])> {
+        let (image, wrap) = self.texture?;
+        Some((self.images.get(image)?.as_ref()?, wrap))
+    }
+}
