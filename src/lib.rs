@@ -16,6 +16,8 @@ pub mod decode;
 pub mod encode;
 #[cfg(feature = "samples")]
 pub mod generate;
+#[cfg(feature = "ingest")]
+pub mod ingest;
 pub mod lattice;
 pub mod mesh;
 mod par;

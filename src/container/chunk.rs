@@ -8,6 +8,9 @@ use std::ops::RangeInclusive;
 /// Kinds from here on may be skipped by a decoder that does not know them; those below have to be understood.
 pub const FIRST_OPTIONAL_KIND: u8 = 128;
 
+/// The optional kind that says what a file was made from: checksums of its source and of the settings.
+pub const KIND_SOURCE: u8 = 128;
+
 /// What a chunk holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
@@ -56,6 +59,7 @@ impl fmt::Display for Kind {
             Kind::Levels => write!(f, "levels"),
             Kind::Segment => write!(f, "segment"),
             Kind::Aside => write!(f, "aside"),
+            Kind::Other(KIND_SOURCE) => write!(f, "source"),
             Kind::Other(number) => write!(f, "kind {number}"),
         }
     }

@@ -293,6 +293,27 @@ pub fn write(header: &Header, chunks: &[Chunk]) -> Result<Vec<u8>, ContainerErro
     Ok(file)
 }
 
+/// A whole file with one more chunk behind all others; `make` gets the number of the full level.
+///
+/// # Errors
+/// As [`Front::parse`], [`Front::payload`] and [`write_front`]; [`ContainerError::Truncated`] where the file is cut.
+pub fn with_chunk(file: &[u8], make: impl FnOnce(u32) -> Chunk) -> Result<Vec<u8>, ContainerError> {
+    let have = file.len() as u64;
+    let front = match Front::parse(file)? {
+        Parsed::Ready(front) => front,
+        Parsed::NeedBytes(need) => return Err(ContainerError::Truncated { have, need, exact: false, level: None }),
+    };
+    front.check_length(have)?;
+    let mut chunks = Vec::with_capacity(front.chunks().len() + 1);
+    for (index, &info) in front.chunks().iter().enumerate() {
+        let payload = front.payload(file, index)?.unwrap_or_default().to_vec();
+        let ChunkInfo { kind, first_level, last_level, segment, segments, memory, .. } = info;
+        chunks.push(Chunk { kind, first_level, last_level, segment, segments, memory, payload });
+    }
+    chunks.push(make(front.full_level()));
+    write(front.header(), &chunks)
+}
+
 /// The end of a chunk; files stay below 2^62 bytes.
 fn end_of(index: usize, offset: u64, length: u64) -> Result<u64, ContainerError> {
     match offset.checked_add(length) {

@@ -20,9 +20,9 @@ mod table;
 #[cfg(test)]
 mod tests;
 
-pub use chunk::{Chunk, ChunkInfo, FIRST_OPTIONAL_KIND, Kind};
+pub use chunk::{Chunk, ChunkInfo, FIRST_OPTIONAL_KIND, KIND_SOURCE, Kind};
 pub use error::{ContainerError, Place};
-pub use front::{Front, Parsed, write, write_front};
+pub use front::{Front, Parsed, with_chunk, write, write_front};
 pub use header::{AsideCounts, ErrorBound, Header, LevelInfo, MAX_COUNT, MAX_LEVELS, MAX_SHIFT};
 pub use reader::{Event, Reader};
 

@@ -18,6 +18,7 @@ mod obj;
 mod off;
 mod ply;
 mod stl;
+mod survey;
 mod text;
 mod warning;
 mod weld;
@@ -33,6 +34,7 @@ use error::{Fail, printable};
 pub(crate) use appearance::media_type;
 pub use error::{Place, ReadError, ReadErrorKind};
 pub(crate) use gltf::extensions_in;
+pub use survey::{Survey, survey, survey_head};
 pub(crate) use warning::counted;
 pub use warning::{Layer, Warning};
 

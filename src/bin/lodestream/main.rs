@@ -1,8 +1,8 @@
 //! The command line: one file per command, what they share in `shared`, `output`, `progress` and `stream`.
 //!
 //! Standard output carries results only (with `--json` exactly one object); progress, warnings and errors go to standard
-//! error. Exit codes: 0 done, 1 a file could not be read, decoded or written, 2 wrong usage, 3 `verify` found a difference,
-//! 130 stopped by a signal.
+//! error. Exit codes: 0 done, 1 a file could not be read, decoded or written, 2 wrong usage, 3 `verify` found a difference or
+//! `ingest` could not do some files, 130 stopped by a signal.
 #![forbid(unsafe_code)]
 
 mod compare;
@@ -10,6 +10,8 @@ mod decode;
 mod demo;
 mod encode;
 mod info;
+mod ingest;
+mod ingest_progress;
 mod model;
 mod output;
 mod progress;
@@ -38,7 +40,8 @@ Examples:
   lodestream verify scan.lods --against scan.ply
   lodestream demo
 
-Exit codes: 0 done; 1 a file could not be read, decoded or written; 2 wrong usage; 3 verify found a difference; 130 stopped by a signal.";
+Exit codes: 0 done; 1 a file could not be read, decoded or written; 2 wrong usage; 3 verify found a difference, or some files
+of ingest failed; 130 stopped by a signal.";
 
 #[derive(Subcommand)]
 enum Command {
@@ -56,6 +59,8 @@ enum Command {
     Render(render::Args),
     /// Measure what the levels of files cost and are worth, on one page
     Report(report::Args),
+    /// Encode folders and buckets full of meshes, unattended
+    Ingest(Box<ingest::Args>),
     /// Make a mesh, encode it, decode several levels, show pictures of them
     Demo(demo::Args),
 }
@@ -64,8 +69,10 @@ enum Command {
 enum Outcome {
     /// All is well.
     Done,
-    /// `verify` found a difference and has said so.
+    /// `verify` found a difference, or some files of `ingest` failed, and that was said.
     Different,
+    /// What was asked for makes no sense, and that was said.
+    Usage,
 }
 
 fn main() -> ExitCode {
@@ -86,11 +93,13 @@ fn main() -> ExitCode {
         Command::Compare(args) => compare::run(args),
         Command::Render(args) => render::run(args),
         Command::Report(args) => report::run(args),
+        Command::Ingest(args) => ingest::run(args),
         Command::Demo(args) => demo::run(args),
     };
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::Different) => ExitCode::from(3),
+        Ok(Outcome::Usage) => ExitCode::from(2),
         // The reader of our output has gone (`lodestream info … | head`): nothing to complain about.
         Err(error) if shared::is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {

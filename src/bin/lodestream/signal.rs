@@ -17,7 +17,7 @@ pub fn clean_up_when_stopped() {
     let Ok(mut signals) = Signals::new(heard) else { return };
     std::thread::spawn(move || {
         if signals.forever().next().is_some() {
-            let _no_more = crate::output::remove_all();
+            let _no_more = (crate::output::remove_all(), lodestream::ingest::abandon());
             std::process::exit(STOPPED);
         }
     });

@@ -86,6 +86,64 @@ fn textures(b: &mut Builder, base: Option<&Path>, names: &[String]) -> Result<()
     Ok(())
 }
 
+/// What the header of a PLY file tells of its size.
+pub(super) struct HeaderCounts {
+    pub vertices: u64,
+    /// Faces, or the corners of strips.
+    pub faces: u64,
+    pub ascii: bool,
+    /// The first byte of the body.
+    pub body: usize,
+    /// Records, one a line, before those of the faces.
+    pub lines_before_faces: u64,
+    /// Bytes of all binary records without the items of face lists, and bytes of an item.
+    fixed: Option<(u64, u64)>,
+}
+
+impl HeaderCounts {
+    /// Corners of all faces of a binary file of `size` bytes; `None` where other lists blur it.
+    pub fn binary_corners(&self, size: u64) -> Option<u64> {
+        let (fixed, item) = self.fixed?;
+        Some(size.saturating_sub(self.body as u64).saturating_sub(fixed) / item.max(1))
+    }
+}
+
+/// Look at the first bytes of a PLY file; `None` where they are no whole, sound header.
+pub(super) fn survey_header(head: &[u8]) -> Option<HeaderCounts> {
+    let mut c = Cursor::new(head);
+    let header = header::read(&mut c, head).ok()?;
+    let ascii = header.encoding == Encoding::Ascii;
+    let mut counts =
+        HeaderCounts { vertices: 0, faces: 0, ascii, body: c.offset(), lines_before_faces: 0, fixed: Some((0, 4)) };
+    for element in &header.elements {
+        let count = element.count;
+        match element.name {
+            "vertex" => counts.vertices = count,
+            "face" | "tristrips" => counts.faces = count,
+            _ => {}
+        }
+        if counts.faces == 0 {
+            counts.lines_before_faces = counts.lines_before_faces.saturating_add(count);
+        }
+        let lists: Vec<_> = element.properties.iter().filter(|p| p.list.is_some()).collect();
+        let mine = matches!(element.name, "face" | "tristrips") && lists.len() == 1;
+        counts.fixed = match (counts.fixed, lists.as_slice()) {
+            (Some((fixed, item)), []) => {
+                Some((fixed.saturating_add(count.saturating_mul(element.least_bytes(header.encoding))), item))
+            }
+            (Some((fixed, _)), [list]) if mine => {
+                let fixed = fixed.saturating_add(count.saturating_mul(element.least_bytes(header.encoding)));
+                Some((fixed, list.scalar.size() as u64))
+            }
+            _ => None,
+        };
+    }
+    if ascii {
+        counts.fixed = None;
+    }
+    Some(counts)
+}
+
 fn read_binary<const BIG: bool>(b: &mut Builder, bytes: &[u8], pos: usize, header: &Header<'_>) -> Result<(), Fail> {
     let mut source = Binary::<BIG> { bytes, pos };
     for element in &header.elements {

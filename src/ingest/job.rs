@@ -1,0 +1,447 @@
+//! One file: fetched, checked against what is there, read, encoded, stamped, verified, written.
+
+use super::error::{Failure, FailureKind};
+use super::ledger::Cores;
+use super::location::Object;
+use super::output::{self, Staging};
+use super::settings::{Drop, Settings};
+use super::stamp::{Stamp, hex, source_checksum};
+use super::{Event, Observer, predict};
+use crate::compare;
+use crate::container::{Front, Parsed};
+use crate::decode::{DecodeOptions, Decoder, Step};
+use crate::encode::{self, EncodeError};
+use crate::read::{self, Format, ReadError, ReadErrorKind, ReadMesh, ReadOptions, Survey};
+use rayon::ThreadPool;
+use serde::Serialize;
+use std::io::Cursor;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// How a file ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Status {
+    /// Encoded and written.
+    Done,
+    /// There already, from the same source and settings.
+    Skipped,
+    /// Not done; the record says why.
+    Failed,
+}
+
+/// Seconds spent on a file, by what was done.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Seconds {
+    /// Reading the bytes, from disk or a store, and their checksum.
+    pub fetch: f64,
+    /// Waiting for a core.
+    pub wait: f64,
+    /// Parsing the mesh.
+    pub read: f64,
+    /// Encoding.
+    pub encode: f64,
+    /// Decoding and comparing.
+    pub verify: f64,
+    /// Writing, until the output stands in its place.
+    pub write: f64,
+}
+
+/// The account of one file.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Record {
+    /// The source.
+    pub source: String,
+    /// The output, below the destination.
+    pub output: String,
+    /// Its line in the manifest.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub line: Option<u64>,
+    /// How it ended.
+    pub status: Status,
+    /// The kind of its failure.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub failure: Option<FailureKind>,
+    /// What went wrong, for people.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+    /// Vertices of the mesh; as surveyed where it was not read.
+    pub vertices: u64,
+    /// Its polygons and dangling edges.
+    pub faces: u64,
+    /// Levels of the output.
+    pub levels: u64,
+    /// Bytes of the source.
+    pub bytes_in: u64,
+    /// Bytes of the output.
+    pub bytes_out: u64,
+    /// Where the time went.
+    pub seconds: Seconds,
+    /// Cores that worked on it.
+    pub threads: u64,
+    /// Bytes of memory that it was expected to take at its peak.
+    pub predicted_bytes: u64,
+    /// SHA-256 of the source.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sha256: Option<String>,
+    /// What reading left out or read otherwise.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
+}
+
+impl Record {
+    pub(super) fn new(source: String, output: String, line: Option<u64>, survey: &Survey, charge: u64) -> Self {
+        Record {
+            source,
+            output,
+            line,
+            status: Status::Done,
+            failure: None,
+            error: None,
+            vertices: survey.vertices,
+            faces: survey.elements,
+            levels: 0,
+            bytes_in: 0,
+            bytes_out: 0,
+            seconds: Seconds::default(),
+            threads: 0,
+            predicted_bytes: charge,
+            sha256: None,
+            warnings: Vec::new(),
+        }
+    }
+
+    pub(super) fn fail(&mut self, failure: Failure) {
+        self.status = Status::Failed;
+        self.failure = Some(failure.kind);
+        let line = self.line.map_or(String::new(), |l| format!(" (line {l} of the manifest)"));
+        self.error = Some(failure.message + &line);
+    }
+}
+
+/// What a job asks of the run around it.
+pub(super) struct Surroundings<'a> {
+    pub observer: &'a dyn Observer,
+    pub cores: &'a Cores,
+    pub staging: Option<&'a Staging>,
+    pub resume: bool,
+    pub verify: bool,
+    /// Bytes that reading one file may take at most.
+    pub memory: u64,
+    /// The least number of cores for a file.
+    pub least: usize,
+    pub hook: Option<&'a (dyn Fn(&str) + Send + Sync)>,
+}
+
+/// What a job wants of the ledger while it runs.
+pub(super) trait Account {
+    /// Change the charge to this many bytes; `false`: they are not free.
+    fn recharge(&mut self, bytes: u64) -> bool;
+    /// The turn has come: how many of the free cores this file may have.
+    fn share(&mut self, free: usize) -> usize;
+    /// The mesh is gone: only the output, of so many bytes, is left.
+    fn computed(&mut self, bytes: u64);
+}
+
+/// A file to be done.
+pub(super) struct Job {
+    pub id: u64,
+    pub object: Object,
+    pub target: Object,
+    pub settings: Arc<Settings>,
+    pub survey: Survey,
+    /// Bytes charged for it.
+    pub charge: u64,
+    pub record: Record,
+}
+
+/// How a job ended.
+pub(super) enum End {
+    Record(Box<Record>),
+    /// It takes more memory than it seemed to, and that was not free: once more, later.
+    Again(Job),
+}
+
+/// Do one file. Never panics: a panic inside is a failure of kind [`FailureKind::Bug`].
+pub(super) fn run(
+    mut job: Job,
+    around: &Surroundings<'_>,
+    account: &mut dyn Account,
+    own: &mut Option<ThreadPool>,
+) -> End {
+    let name = job.object.name();
+    let result = catch_unwind(AssertUnwindSafe(|| work(&mut job, &name, around, account, own)));
+    let failure = match result {
+        Ok(Ok(true)) => None,
+        Ok(Ok(false)) => return End::Again(job),
+        Ok(Err(failure)) => Some(failure),
+        Err(panic) => Some(bug(&name, &*panic)),
+    };
+    if let Some(failure) = failure {
+        job.record.fail(failure);
+    }
+    End::Record(Box::new(job.record))
+}
+
+/// The failure that a panic is.
+pub(super) fn bug(name: &str, panic: &(dyn std::any::Any + Send)) -> Failure {
+    let said = panic.downcast_ref::<&str>().copied().or_else(|| panic.downcast_ref::<String>().map(String::as_str));
+    let said = said.unwrap_or("a panic without a message");
+    Failure::new(FailureKind::Bug, format!("{name}: a bug of lodestream: {said}; please report it with this file"))
+}
+
+/// Seconds since then, to the microsecond.
+fn since(clock: Instant) -> f64 {
+    (clock.elapsed().as_secs_f64() * 1e6).round() / 1e6
+}
+
+/// `false`: once more, later.
+fn work(
+    job: &mut Job,
+    name: &str,
+    around: &Surroundings<'_>,
+    account: &mut dyn Account,
+    own: &mut Option<ThreadPool>,
+) -> Result<bool, Failure> {
+    let there = if around.resume { output::stamp_of(&job.target)? } else { None };
+    let clock = Instant::now();
+    let format = Format::from_path(job.object.path()).map_err(|extension| {
+        read_failure(ReadError {
+            name: name.to_string(),
+            place: None,
+            kind: ReadErrorKind::UnknownExtension { extension },
+        })
+    })?;
+    let bytes = job.object.read()?;
+    let beside = Beside::fetch(&job.object, &bytes, format)?;
+    job.record.bytes_in = bytes.len() as u64 + beside.bytes;
+    let stamp = Stamp {
+        source: source_checksum(std::iter::once(&bytes[..]).chain(beside.parts.iter().map(Vec::as_slice))),
+        settings: job.settings.checksum(),
+    };
+    job.record.sha256 = Some(hex(&stamp.source));
+    job.record.seconds.fetch = since(clock);
+    if there == Some(stamp) {
+        job.record.status = Status::Skipped;
+        return Ok(true);
+    }
+    if !job.survey.exact {
+        job.survey = read::survey(Cursor::new(&bytes), format).map_err(|e| Failure::reading(name, &e))?;
+        let charge = predict::peak(&job.survey, bytes.len() as u64);
+        if charge > around.memory {
+            return Err(too_large(name, charge, around.memory));
+        }
+        job.record.predicted_bytes = charge;
+        let fits = account.recharge(charge);
+        job.charge = charge;
+        if !fits {
+            return Ok(false);
+        }
+    }
+    let clock = Instant::now();
+    let least = if job.survey.vertices >= predict::LARGE { usize::MAX } else { around.least };
+    let cores = around.cores.take(least, |free| account.share(free));
+    job.record.seconds.wait = since(clock);
+    job.record.threads = cores.count as u64;
+    around.observer.event(Event::Started {
+        id: job.id,
+        source: name,
+        vertices: job.survey.vertices,
+        threads: cores.count,
+    });
+    let pool;
+    let pool = if cores.count == 1 {
+        if own.is_none() {
+            *own = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build().ok();
+        }
+        own.as_ref()
+    } else {
+        pool = rayon::ThreadPoolBuilder::new().num_threads(cores.count).build().ok();
+        pool.as_ref()
+    };
+    let Some(pool) = pool else {
+        return Err(Failure::new(FailureKind::Bug, format!("{name}: the worker threads cannot be started")));
+    };
+    let output = pool.install(|| {
+        let computed = compute(job, name, bytes, format, &beside, &stamp, around);
+        drop(beside);
+        computed
+    })?;
+    account.computed(output.len() as u64);
+    drop(cores);
+    job.record.bytes_out = output.len() as u64;
+    let clock = Instant::now();
+    output::write(&job.target, around.staging, output)?;
+    job.record.seconds.write = since(clock);
+    Ok(true)
+}
+
+/// From the bytes of the source to those of the output.
+fn compute(
+    job: &mut Job,
+    name: &str,
+    bytes: Vec<u8>,
+    format: Format,
+    beside: &Beside,
+    stamp: &Stamp,
+    around: &Surroundings<'_>,
+) -> Result<Vec<u8>, Failure> {
+    if let Some(hook) = around.hook {
+        hook(name);
+    }
+    let clock = Instant::now();
+    let options = ReadOptions { weld: job.settings.weld, memory_limit: Some(around.memory) };
+    let folder = match (&job.object, &beside.folder) {
+        (_, Some(folder)) => Some(folder.path()),
+        (Object::Local(path), None) => {
+            Some(path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")))
+        }
+        (Object::Stored(..), None) => None,
+    };
+    let packed = job.object.path().extension().is_some_and(|e| e.eq_ignore_ascii_case("gz"));
+    if packed && !bytes.starts_with(&[0x1f, 0x8b]) {
+        let kind = ReadErrorKind::WrongMagic { format: "gzip", expected: "1f 8b", found: "something else".to_string() };
+        return Err(read_failure(ReadError { name: name.to_string(), place: None, kind }));
+    }
+    let read = read::read_bytes(&bytes, format, folder, &options)
+        .map_err(|e| read_failure(ReadError { name: name.to_string(), ..e }))?;
+    drop(bytes);
+    let told = read.warnings.iter().filter(|w| !Drop::covers(&job.settings.drop, w));
+    job.record.warnings = told.map(ToString::to_string).collect();
+    job.record.vertices = read.mesh.vertex_count() as u64;
+    job.record.faces = read.mesh.face_count() as u64;
+    job.record.seconds.read = since(clock);
+    let clock = Instant::now();
+    let id = job.id;
+    let encoded = encode::encode(&read.mesh, &job.settings.encode, &|progress| {
+        around.observer.event(Event::Progress { id, progress });
+    });
+    let encoded = encoded.map_err(|e| match e {
+        EncodeError::Bug(_) => Failure::new(FailureKind::Bug, format!("{name}: {e}")),
+        _ => Failure::new(FailureKind::Encode, format!("{name}: {e}")),
+    })?;
+    let inside = |e: &dyn std::fmt::Display| Failure::new(FailureKind::Bug, format!("{name}: {e}; please report it"));
+    let stamped = stamp.attach(&encoded.bytes).map_err(|e| inside(&e))?;
+    job.record.levels = encoded.report.levels as u64;
+    job.record.seconds.encode = since(clock);
+    if around.verify {
+        let clock = Instant::now();
+        verify(&stamped, &read, &encoded.map).map_err(|what| {
+            Failure::new(FailureKind::Verify, format!("{name}: the output is not the source: {what}; please report it"))
+        })?;
+        job.record.seconds.verify = since(clock);
+    }
+    Ok(stamped)
+}
+
+/// Decode a file in full and compare it with its source, vertex by vertex and face by face.
+fn verify(file: &[u8], read: &ReadMesh, map: &[u32]) -> Result<(), String> {
+    let lattice = match Front::parse(file).map_err(|e| e.to_string())? {
+        Parsed::Ready(front) => front.header().lattice,
+        Parsed::NeedBytes(_) => return Err("its front is not whole".to_string()),
+    };
+    let mut decoder = Decoder::new(DecodeOptions::default());
+    decoder.push(file);
+    while let Step::Level(_) = decoder.next_level().map_err(|e| e.to_string())? {}
+    decoder.finish().map_err(|e| e.to_string())?;
+    compare::by_map(&read.mesh, &decoder.to_mesh(), &lattice, map).map_err(|e| e.to_string())
+}
+
+/// The failure of a file that can never fit.
+pub(super) fn too_large(name: &str, needs: u64, allowed: u64) -> Failure {
+    let mib = |n: u64| n.div_ceil(1 << 20);
+    let (needs, allowed) = (mib(needs), mib(allowed));
+    Failure::new(
+        FailureKind::Memory,
+        format!(
+            "{name}: encoding it takes about {needs} MiB of memory, and {allowed} MiB are allowed beside the program itself; raise --memory or cut the mesh into tiles"
+        ),
+    )
+}
+
+/// The failure that an error of a reader is.
+pub(super) fn read_failure(e: ReadError) -> Failure {
+    let kind = match e.kind {
+        ReadErrorKind::NotFound => FailureKind::Missing,
+        ReadErrorKind::Permission => FailureKind::Permission,
+        ReadErrorKind::Memory { .. } => FailureKind::Memory,
+        _ => FailureKind::Input,
+    };
+    Failure::new(kind, e.to_string())
+}
+
+/// The files beside a glTF document that its mesh needs.
+#[derive(Default)]
+struct Beside {
+    /// Their bytes, in the order in which the document names them: for the checksum.
+    parts: Vec<Vec<u8>>,
+    bytes: u64,
+    /// Where they were put, if the document itself lies in a store.
+    folder: Option<tempfile::TempDir>,
+}
+
+impl Beside {
+    fn fetch(object: &Object, document: &[u8], format: Format) -> Result<Self, Failure> {
+        let mut beside = Beside::default();
+        if format != Format::Gltf {
+            return Ok(beside);
+        }
+        let stored = matches!(object, Object::Stored(..));
+        for reference in buffer_references(document) {
+            // What is missing or lies elsewhere, reading will tell with its place in the document.
+            let Some(object) = object.beside(&reference) else { continue };
+            let bytes = match object.read() {
+                Ok(bytes) => bytes,
+                Err(f) if f.kind == FailureKind::Missing => continue,
+                Err(f) => return Err(f),
+            };
+            if stored {
+                let mut put = || {
+                    if beside.folder.is_none() {
+                        beside.folder = Some(tempfile::tempdir()?);
+                    }
+                    if let Some(folder) = &beside.folder {
+                        let path = folder.path().join(&reference);
+                        path.parent().map_or(Ok(()), std::fs::create_dir_all)?;
+                        std::fs::write(path, &bytes)?;
+                    }
+                    Ok(())
+                };
+                put().map_err(|e: std::io::Error| Failure::writing("a temporary file", &e))?;
+            }
+            beside.bytes += bytes.len() as u64;
+            beside.parts.push(bytes);
+        }
+        Ok(beside)
+    }
+}
+
+/// The files that the buffers of a glTF document lie in.
+fn buffer_references(document: &[u8]) -> Vec<String> {
+    let json: serde_json::Value = serde_json::from_slice(document).unwrap_or_default();
+    let buffers = json.get("buffers").and_then(|b| b.as_array()).cloned().unwrap_or_default();
+    let uris = buffers.iter().filter_map(|b| b.get("uri")?.as_str().map(str::to_string));
+    uris.filter(|u| !u.starts_with("data:")).map(|u| percent_decoded(&u)).collect()
+}
+
+fn percent_decoded(text: &str) -> String {
+    let mut out = Vec::with_capacity(text.len());
+    let bytes = text.as_bytes();
+    let mut i = 0;
+    while let Some(&b) = bytes.get(i) {
+        let hex = bytes.get(i + 1..i + 3).and_then(|h| u8::from_str_radix(std::str::from_utf8(h).ok()?, 16).ok());
+        match (b, hex) {
+            (b'%', Some(value)) => {
+                out.push(value);
+                i += 3;
+            }
+            _ => {
+                out.push(b);
+                i += 1;
+            }
+        }
+    }
+    String::from_utf8_lossy(&out).into_owned()
+}

@@ -1,0 +1,444 @@
+//! Manifests: which files, and how each is to be encoded. CSV, JSON lines or TOML, by the extension of the file.
+//!
+//! A manifest is read and checked as a whole before any work starts; every error names its line. Fields, the same in all
+//! three: `source` (needed), `output`, `position_bits`, `position_step`, `origin`, `lock_borders`, `weld`, `drop`. What
+//! an entry leaves out is as the command line says; TOML has a table `[defaults]` in between, and one `[[job]]` for each file.
+
+use super::error::IngestError;
+use super::location::{is_plain, output_name};
+use super::settings::{Drop, Settings};
+use crate::lattice::Quantization;
+use serde::Deserialize;
+use std::collections::HashMap;
+use std::path::Path;
+
+/// A line of a manifest that is sound.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Job {
+    /// The line of the manifest, from 1.
+    pub line: u64,
+    /// The source: a URL, or a path.
+    pub source: String,
+    /// The output, relative to the destination.
+    pub output: String,
+    /// How to encode.
+    pub settings: Settings,
+}
+
+/// An entry as it is written.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    source: Option<String>,
+    output: Option<String>,
+    position_bits: Option<i64>,
+    position_step: Option<f64>,
+    origin: Option<Point>,
+    lock_borders: Option<bool>,
+    weld: Option<bool>,
+    drop: Option<Words>,
+}
+
+/// Three numbers, or the text `x,y,z`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged)]
+enum Point {
+    Numbers([f64; 3]),
+    Text(String),
+}
+
+/// A list of words, or a text with commas.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged)]
+enum Words {
+    List(Vec<String>),
+    Text(String),
+}
+
+/// The errors that are told; a manifest of the wrong kind has one on each line.
+const MOST: usize = 20;
+
+/// Read and check a manifest file.
+///
+/// # Errors
+/// [`IngestError::Setup`] when it cannot be read, [`IngestError::Manifest`] with all that is wrong, each with its line.
+pub fn read(path: &Path, base: &Settings) -> Result<Vec<Job>, IngestError> {
+    let name = path.display().to_string();
+    let bytes = std::fs::read(path).map_err(|e| IngestError::Setup(super::Failure::reading(&name, &e).message))?;
+    let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    parse(&name, &extension, &bytes, base)
+}
+
+/// Read and check a manifest of the kind `extension`: `csv`, `jsonl` or `toml`.
+///
+/// # Errors
+/// As [`read`].
+pub fn parse(name: &str, extension: &str, bytes: &[u8], base: &Settings) -> Result<Vec<Job>, IngestError> {
+    let mut errors = Errors { name, list: Vec::new(), more: 0 };
+    let text = match std::str::from_utf8(bytes) {
+        Ok(text) => text.strip_prefix('\u{feff}').unwrap_or(text),
+        Err(e) => {
+            let line = 1 + bytes[..e.valid_up_to()].iter().filter(|b| **b == b'\n').count() as u64;
+            errors.add(line, "this is not UTF-8; save it as UTF-8".to_string());
+            return Err(errors.done());
+        }
+    };
+    let entries = match extension {
+        "csv" => csv_entries(text, &mut errors),
+        "jsonl" | "ndjson" => json_entries(text, &mut errors),
+        "toml" => toml_entries(text, &mut errors),
+        _ => {
+            let known = "known are .csv, .jsonl and .toml";
+            return Err(IngestError::Usage(format!("{name}: this is no manifest by its extension; {known}")));
+        }
+    };
+    let mut jobs = Vec::with_capacity(entries.len());
+    let mut outputs: HashMap<String, u64> = HashMap::new();
+    for (line, entry) in entries {
+        match job(line, entry, base) {
+            Err(problem) => errors.add(line, problem),
+            Ok(job) => match outputs.insert(job.output.clone(), line) {
+                Some(first) => {
+                    errors.add(
+                        line,
+                        format!("the output {:?} is that of line {first} already; name another", job.output),
+                    );
+                }
+                None => jobs.push(job),
+            },
+        }
+    }
+    if !errors.list.is_empty() {
+        return Err(errors.done());
+    }
+    if jobs.is_empty() {
+        errors.add(1, "there is no job in it".to_string());
+        return Err(errors.done());
+    }
+    Ok(jobs)
+}
+
+struct Errors<'a> {
+    name: &'a str,
+    list: Vec<String>,
+    more: usize,
+}
+
+impl Errors<'_> {
+    fn add(&mut self, line: u64, problem: String) {
+        if self.list.len() < MOST {
+            self.list.push(format!("{}, line {line}: {problem}", self.name));
+        } else {
+            self.more += 1;
+        }
+    }
+
+    fn done(mut self) -> IngestError {
+        if self.more > 0 {
+            self.list.push(format!("and {} more", self.more));
+        }
+        IngestError::Manifest(self.list)
+    }
+}
+
+/// What one entry means.
+fn job(line: u64, entry: Entry, base: &Settings) -> Result<Job, String> {
+    let mut settings = base.clone();
+    let source = entry.source.map(|s| s.trim().to_string()).filter(|s| !s.is_empty());
+    let Some(source) = source else { return Err("there is no source; name the mesh".to_string()) };
+    match (entry.position_bits, entry.position_step) {
+        (Some(_), Some(_)) => return Err("position_bits and position_step exclude each other; give one".to_string()),
+        (Some(bits), None) => {
+            let bits = u8::try_from(bits).ok().filter(|b| (1..=21).contains(b));
+            settings.encode.quantization =
+                Quantization::Bits(bits.ok_or("position_bits is a number from 1 to 21".to_string())?);
+        }
+        (None, Some(step)) if step > 0.0 && step.is_finite() => {
+            settings.encode.quantization = Quantization::Step { step, origin: None };
+        }
+        (None, Some(_)) => return Err("position_step is a positive number, as in 0.001".to_string()),
+        (None, None) => {}
+    }
+    if let Some(point) = entry.origin {
+        let point = match point {
+            Point::Numbers(p) => Some(p),
+            Point::Text(text) => {
+                let numbers: Result<Vec<f64>, _> =
+                    text.split([',', ' ']).filter(|w| !w.is_empty()).map(str::parse).collect();
+                numbers.ok().and_then(|n| n.try_into().ok())
+            }
+        };
+        let point = point.filter(|p: &[f64; 3]| p.iter().all(|c| c.is_finite()));
+        let point = point.ok_or("origin is three numbers, as in 512000,5403000,0".to_string())?;
+        match &mut settings.encode.quantization {
+            Quantization::Step { origin, .. } => *origin = Some(point),
+            Quantization::Bits(_) => return Err("origin needs position_step; add it".to_string()),
+        }
+    }
+    if let Some(lock) = entry.lock_borders {
+        settings.encode.lock_borders = lock;
+    }
+    settings.weld = entry.weld.or(settings.weld);
+    if let Some(words) = entry.drop {
+        let words = match words {
+            Words::List(list) => list,
+            Words::Text(text) => text.split([',', ' ']).filter(|w| !w.is_empty()).map(str::to_string).collect(),
+        };
+        let known = || Drop::NAMES.map(|(name, _)| name).join(", ");
+        let find = |word: &String| {
+            Drop::from_name(word).ok_or_else(|| format!("drop knows no {word:?}; it knows {}", known()))
+        };
+        settings.drop = words.iter().map(find).collect::<Result<_, _>>()?;
+    }
+    let output = match entry.output.map(|o| o.trim().to_string()).filter(|o| !o.is_empty()) {
+        Some(output) => {
+            let output = if output.ends_with(".lods") { output } else { format!("{output}.lods") };
+            if !is_plain(&output) {
+                return Err(format!("the output {output:?} has to be a relative path without . and .."));
+            }
+            output
+        }
+        None => {
+            let path = source.split_once("://").map_or(source.as_str(), |(_, rest)| rest);
+            let plain =
+                if is_plain(path) && path == source { path } else { path.rsplit(['/', '\\']).next().unwrap_or(path) };
+            output_name(plain).map_err(|f| f.message)?
+        }
+    };
+    Ok(Job { line, source, output, settings })
+}
+
+fn csv_entries(text: &str, errors: &mut Errors<'_>) -> Vec<(u64, Entry)> {
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
+    let mut entries = Vec::new();
+    let line_of = |e: &csv::Error| e.position().map_or(1, csv::Position::line);
+    let headers = match reader.headers() {
+        Ok(headers) => headers.clone(),
+        Err(e) => {
+            errors.add(line_of(&e), csv_problem(&e));
+            return entries;
+        }
+    };
+    const KNOWN: [&str; 8] =
+        ["source", "output", "position_bits", "position_step", "origin", "lock_borders", "weld", "drop"];
+    for header in &headers {
+        if !KNOWN.contains(&header) {
+            errors.add(1, format!("the column {header:?} is not known; known are {}", KNOWN.join(", ")));
+        }
+    }
+    if !headers.iter().any(|h| h == "source") {
+        errors.add(1, "there is no column `source`; the first line names the columns".to_string());
+    }
+    if !errors.list.is_empty() {
+        return entries;
+    }
+    for record in reader.records() {
+        match record {
+            Ok(record) => {
+                let line = record.position().map_or(0, csv::Position::line);
+                match csv_entry(&headers, &record) {
+                    Ok(entry) => entries.push((line, entry)),
+                    Err(problem) => errors.add(line, problem),
+                }
+            }
+            Err(e) => errors.add(line_of(&e), csv_problem(&e)),
+        }
+    }
+    entries
+}
+
+fn csv_problem(e: &csv::Error) -> String {
+    match e.kind() {
+        csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
+            format!("{len} fields where the first line names {expected_len} columns; quote fields that hold commas")
+        }
+        _ => format!("this is no CSV: {e}"),
+    }
+}
+
+fn csv_entry(headers: &csv::StringRecord, record: &csv::StringRecord) -> Result<Entry, String> {
+    let mut entry = Entry::default();
+    for (header, field) in headers.iter().zip(record) {
+        // An empty field is one that is not given.
+        if field.is_empty() {
+            continue;
+        }
+        let number = || format!("{header} is a number, not {field:?}");
+        let flag = || match field.to_ascii_lowercase().as_str() {
+            "true" | "yes" | "1" => Ok(true),
+            "false" | "no" | "0" => Ok(false),
+            _ => Err(format!("{header} is true or false, not {field:?}")),
+        };
+        match header {
+            "source" => entry.source = Some(field.to_string()),
+            "output" => entry.output = Some(field.to_string()),
+            "position_bits" => entry.position_bits = Some(field.parse().map_err(|_| number())?),
+            "position_step" => entry.position_step = Some(field.parse().map_err(|_| number())?),
+            "origin" => entry.origin = Some(Point::Text(field.to_string())),
+            "lock_borders" => entry.lock_borders = Some(flag()?),
+            "weld" => entry.weld = Some(flag()?),
+            _ => entry.drop = Some(Words::Text(field.to_string())),
+        }
+    }
+    Ok(entry)
+}
+
+fn json_entries(text: &str, errors: &mut Errors<'_>) -> Vec<(u64, Entry)> {
+    let mut entries = Vec::new();
+    for (i, line) in text.lines().enumerate() {
+        if line.trim().is_empty() {
+            continue;
+        }
+        match serde_json::from_str::<Entry>(line) {
+            Ok(entry) => entries.push((i as u64 + 1, entry)),
+            Err(e) => {
+                // Each entry is a line of its own: the position that the parser gives counts from its start.
+                let text = e.to_string();
+                let text = text.rsplit_once(" at line ").map_or(text.as_str(), |(head, _)| head);
+                errors.add(i as u64 + 1, format!("column {}: {text}", e.column()));
+            }
+        }
+    }
+    entries
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Document {
+    defaults: Option<toml::Spanned<Entry>>,
+    #[serde(default)]
+    job: Vec<toml::Spanned<Entry>>,
+}
+
+fn toml_entries(text: &str, errors: &mut Errors<'_>) -> Vec<(u64, Entry)> {
+    let line_at = |byte: usize| 1 + text.as_bytes().iter().take(byte).filter(|b| **b == b'\n').count() as u64;
+    let document: Document = match toml::from_str(text) {
+        Ok(document) => document,
+        Err(e) => {
+            errors.add(e.span().map_or(1, |s| line_at(s.start)), e.message().to_string());
+            return Vec::new();
+        }
+    };
+    let base = match document.defaults {
+        Some(defaults) => {
+            let line = line_at(defaults.span().start);
+            let defaults = defaults.into_inner();
+            if defaults.source.is_some() || defaults.output.is_some() {
+                errors.add(line, "source and output belong to a job, not to the defaults".to_string());
+            }
+            defaults
+        }
+        None => Entry::default(),
+    };
+    let mut entries = Vec::with_capacity(document.job.len());
+    for job in document.job {
+        let line = line_at(job.span().start);
+        let mut entry = job.into_inner();
+        // A job's own lattice replaces the default one as a whole.
+        if entry.position_bits.is_none() && entry.position_step.is_none() {
+            entry.position_bits = base.position_bits;
+            entry.position_step = base.position_step;
+            entry.origin = entry.origin.or_else(|| base.origin.clone());
+        }
+        entry.lock_borders = entry.lock_borders.or(base.lock_borders);
+        entry.weld = entry.weld.or(base.weld);
+        entry.drop = entry.drop.or_else(|| base.drop.clone());
+        entries.push((line, entry));
+    }
+    entries
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn errors(extension: &str, text: &str) -> Vec<String> {
+        match parse("jobs", extension, text.as_bytes(), &Settings::default()) {
+            Err(IngestError::Manifest(list)) => list,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn the_three_kinds_say_the_same() {
+        let csv = "source,output,position_bits,position_step,origin,lock_borders,weld,drop\n\
+                   a/one.ply,,14,,,,,\n\
+                   # a comment\n\
+                   two.obj,x/two,,0.001,\"1,2,3\",true,no,\"uvs,normals\"\n";
+        let jsonl = "{\"source\":\"a/one.ply\",\"position_bits\":14}\n\n\n\
+                     {\"source\":\"two.obj\",\"output\":\"x/two\",\"position_step\":0.001,\"origin\":[1,2,3],\
+                     \"lock_borders\":true,\"weld\":false,\"drop\":[\"uvs\",\"normals\"]}\n";
+        let toml = "[[job]]\nsource = \"a/one.ply\"\nposition_bits = 14\n[[job]]\nsource = \"two.obj\"\noutput = \"x/two\"\n\
+                    position_step = 0.001\norigin = [1.0, 2.0, 3.0]\nlock_borders = true\nweld = false\ndrop = \"uvs normals\"\n";
+        let read = |kind, text: &str| parse("jobs", kind, text.as_bytes(), &Settings::default()).unwrap();
+        let jobs = read("csv", csv);
+        assert_eq!(
+            jobs.iter().map(|j| (j.line, j.output.as_str())).collect::<Vec<_>>(),
+            [(2, "a/one.lods"), (4, "x/two.lods")]
+        );
+        assert_eq!(jobs[0].settings.encode.quantization, Quantization::Bits(14));
+        let lattice = Quantization::Step { step: 0.001, origin: Some([1.0, 2.0, 3.0]) };
+        assert_eq!(jobs[1].settings.encode.quantization, lattice);
+        assert!(jobs[1].settings.encode.lock_borders && jobs[1].settings.weld == Some(false));
+        assert_eq!(jobs[1].settings.drop, [Drop::Uvs, Drop::Normals]);
+        let strip = |jobs: Vec<Job>| jobs.into_iter().map(|j| Job { line: 0, ..j }).collect::<Vec<_>>();
+        assert_eq!(strip(read("jsonl", jsonl)), strip(jobs.clone()));
+        assert_eq!(strip(read("toml", toml)), strip(jobs));
+    }
+
+    #[test]
+    fn defaults_of_toml_apply_to_jobs_that_say_nothing() {
+        let text = "[defaults]\nposition_step = 0.5\norigin = \"0,0,0\"\n[[job]]\nsource = \"a.ply\"\n[[job]]\nsource = \"b.ply\"\nposition_bits = 10\n";
+        let jobs = parse("jobs", "toml", text.as_bytes(), &Settings::default()).unwrap();
+        let lattice = Quantization::Step { step: 0.5, origin: Some([0.0; 3]) };
+        assert_eq!(jobs[0].settings.encode.quantization, lattice);
+        assert_eq!(jobs[1].settings.encode.quantization, Quantization::Bits(10));
+    }
+
+    #[test]
+    fn every_error_is_found_and_names_its_line() {
+        let csv = "source,position_bits,position_step,output,drop\na.ply,22,,,\n,12,,,\nb.ply,12,0.1,,\nc.ply,x,,,\n\
+                   d.ply,,,../up,\ne.ply,,,d,\nf.ply,,,d,\ng.ply,,,,everything\nh.ply,1\n";
+        let list = errors("csv", csv);
+        let expected = [
+            "jobs, line 2: position_bits is a number from 1 to 21",
+            "jobs, line 3: there is no source; name the mesh",
+            "jobs, line 4: position_bits and position_step exclude each other; give one",
+            "jobs, line 5: position_bits is a number, not \"x\"",
+            "jobs, line 6: the output \"../up.lods\" has to be a relative path without . and ..",
+            "jobs, line 8: the output \"d.lods\" is that of line 7 already; name another",
+            "jobs, line 9: drop knows no \"everything\"; it knows all, normals, colors, uvs, images, materials, tangents",
+            "jobs, line 10: 2 fields where the first line names 5 columns; quote fields that hold commas",
+        ];
+        for line in expected {
+            assert!(list.iter().any(|e| e == line), "{line} is not among {list:#?}");
+        }
+        assert_eq!(list.len(), expected.len());
+        assert_eq!(
+            errors("csv", "file,bits\na,1\n")[0],
+            "jobs, line 1: the column \"file\" is not known; known are source, output, position_bits, position_step, origin, lock_borders, weld, drop"
+        );
+    }
+
+    #[test]
+    fn json_and_toml_name_lines_too() {
+        let list = errors("jsonl", "{\"source\":\"a.ply\"}\n{\"source\":\"b.ply\",\"bits\":3}\n{\"source\":\n{}\n");
+        assert!(list[0].starts_with("jobs, line 2: column ") && list[0].contains("unknown field `bits`"), "{list:?}");
+        assert!(list[1].starts_with("jobs, line 3: "), "{list:?}");
+        assert_eq!(list[2], "jobs, line 4: there is no source; name the mesh");
+        let list = errors("toml", "[[job]]\nsource = \"a.ply\"\n\n[[job]]\nsource = \"b.ply\"\nposition_bits = 99\n");
+        assert_eq!(list, ["jobs, line 4: position_bits is a number from 1 to 21"]);
+        let list = errors("toml", "[[job]]\nsource = \"a.ply\"\nstep = 1\n");
+        assert!(list[0].starts_with("jobs, line 3: unknown field `step`"), "{list:?}");
+        assert_eq!(errors("jsonl", "\n"), ["jobs, line 1: there is no job in it"]);
+        let many = "{}\n".repeat(100);
+        assert_eq!(errors("jsonl", &many).last().unwrap(), "and 80 more");
+    }
+
+    #[test]
+    fn sources_elsewhere_give_their_last_name() {
+        let text = "{\"source\":\"s3://bucket/deep/one.ply.gz\"}\n{\"source\":\"/abs/two.obj\"}\n{\"source\":\"../three.stl\"}\n";
+        let jobs = parse("jobs", "jsonl", text.as_bytes(), &Settings::default()).unwrap();
+        assert_eq!(jobs.iter().map(|j| j.output.as_str()).collect::<Vec<_>>(), ["one.lods", "two.lods", "three.lods"]);
+    }
+}
