@@ -4,14 +4,14 @@ use super::error::{Failure, FailureKind};
 use super::ledger::Cores;
 use super::location::Object;
 use super::output::{self, Staging};
-use super::settings::{Drop, Settings};
+use super::settings::Settings;
 use super::stamp::{Stamp, hex, source_checksum};
 use super::{Event, Observer, predict};
 use crate::compare;
 use crate::container::{Front, Parsed};
 use crate::decode::{DecodeOptions, Decoder, Step};
 use crate::encode::{self, EncodeError};
-use crate::read::{self, Format, ReadError, ReadErrorKind, ReadMesh, ReadOptions, Survey};
+use crate::read::{self, DropSet, Format, ReadError, ReadErrorKind, ReadMesh, ReadOptions, Survey};
 use rayon::ThreadPool;
 use serde::Serialize;
 use std::io::Cursor;
@@ -19,6 +19,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
+
+/// Whether the format keeps attributes, materials and images. While it does not, they are not read either: they would take
+/// memory, which `predict` knows nothing of, and go nowhere.
+const KEEPS_ATTRIBUTES: bool = false;
 
 /// How a file ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -161,7 +165,7 @@ pub(super) struct Job {
 pub(super) enum End {
     Record(Box<Record>),
     /// It takes more memory than it seemed to, and that was not free: once more, later.
-    Again(Job),
+    Again(Box<Job>),
 }
 
 /// Do one file. Never panics: a panic inside is a failure of kind [`FailureKind::Bug`].
@@ -175,7 +179,7 @@ pub(super) fn run(
     let result = catch_unwind(AssertUnwindSafe(|| work(&mut job, &name, around, account, own)));
     let failure = match result {
         Ok(Ok(true)) => None,
-        Ok(Ok(false)) => return End::Again(job),
+        Ok(Ok(false)) => return End::Again(Box::new(job)),
         Ok(Err(failure)) => Some(failure),
         Err(panic) => Some(bug(&name, &*panic)),
     };
@@ -292,7 +296,8 @@ fn compute(
         hook(name);
     }
     let clock = Instant::now();
-    let options = ReadOptions { weld: job.settings.weld, memory_limit: Some(around.memory) };
+    let left_out = if KEEPS_ATTRIBUTES { job.settings.drop } else { DropSet::ALL };
+    let options = ReadOptions { weld: job.settings.weld, memory_limit: Some(around.memory), drop: left_out };
     let folder = match (&job.object, &beside.folder) {
         (_, Some(folder)) => Some(folder.path()),
         (Object::Local(path), None) => {
@@ -308,8 +313,7 @@ fn compute(
     let read = read::read_bytes(&bytes, format, folder, &options)
         .map_err(|e| read_failure(ReadError { name: name.to_string(), ..e }))?;
     drop(bytes);
-    let told = read.warnings.iter().filter(|w| !Drop::covers(&job.settings.drop, w));
-    job.record.warnings = told.map(ToString::to_string).collect();
+    job.record.warnings = read.warnings.iter().map(ToString::to_string).collect();
     job.record.vertices = read.mesh.vertex_count() as u64;
     job.record.faces = read.mesh.face_count() as u64;
     job.record.seconds.read = since(clock);

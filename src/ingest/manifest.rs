@@ -6,7 +6,7 @@
 
 use super::error::IngestError;
 use super::location::{is_plain, output_name};
-use super::settings::{Drop, Settings};
+use super::settings::{DROP_NAMES, Settings, drop_set};
 use crate::lattice::Quantization;
 use serde::Deserialize;
 use std::collections::HashMap;
@@ -184,11 +184,8 @@ fn job(line: u64, entry: Entry, base: &Settings) -> Result<Job, String> {
             Words::List(list) => list,
             Words::Text(text) => text.split([',', ' ']).filter(|w| !w.is_empty()).map(str::to_string).collect(),
         };
-        let known = || Drop::NAMES.map(|(name, _)| name).join(", ");
-        let find = |word: &String| {
-            Drop::from_name(word).ok_or_else(|| format!("drop knows no {word:?}; it knows {}", known()))
-        };
-        settings.drop = words.iter().map(find).collect::<Result<_, _>>()?;
+        settings.drop = drop_set(words.iter().map(String::as_str))
+            .map_err(|word| format!("drop knows no {word:?}; it knows {}", DROP_NAMES.join(", ")))?;
     }
     let output = match entry.output.map(|o| o.trim().to_string()).filter(|o| !o.is_empty()) {
         Some(output) => {
@@ -211,11 +208,10 @@ fn job(line: u64, entry: Entry, base: &Settings) -> Result<Job, String> {
 fn csv_entries(text: &str, errors: &mut Errors<'_>) -> Vec<(u64, Entry)> {
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
     let mut entries = Vec::new();
-    let line_of = |e: &csv::Error| e.position().map_or(1, csv::Position::line);
     let headers = match reader.headers() {
         Ok(headers) => headers.clone(),
         Err(e) => {
-            errors.add(line_of(&e), csv_problem(&e));
+            errors.add(1, csv_problem(&e));
             return entries;
         }
     };
@@ -232,16 +228,32 @@ fn csv_entries(text: &str, errors: &mut Errors<'_>) -> Vec<(u64, Entry)> {
     if !errors.list.is_empty() {
         return entries;
     }
+    // The reader says where it began to look for a record; comments and empty lines in between are not part of it.
+    let (mut at, mut line) = (0, 1);
+    let mut line_from = |byte: usize| {
+        let bytes = text.as_bytes();
+        let mut from = byte.max(at);
+        while let Some(b @ (b'\r' | b'\n' | b'#')) = bytes.get(from) {
+            from = if *b == b'#' {
+                bytes[from..].iter().position(|b| *b == b'\n').map_or(bytes.len(), |n| from + n)
+            } else {
+                from + 1
+            };
+        }
+        line += bytes[at..from].iter().filter(|b| **b == b'\n').count() as u64;
+        at = from;
+        line
+    };
     for record in reader.records() {
         match record {
             Ok(record) => {
-                let line = record.position().map_or(0, csv::Position::line);
+                let line = line_from(record.position().map_or(0, |p| p.byte() as usize));
                 match csv_entry(&headers, &record) {
                     Ok(entry) => entries.push((line, entry)),
                     Err(problem) => errors.add(line, problem),
                 }
             }
-            Err(e) => errors.add(line_of(&e), csv_problem(&e)),
+            Err(e) => errors.add(e.position().map_or(1, |p| line_from(p.byte() as usize)), csv_problem(&e)),
         }
     }
     entries
@@ -380,7 +392,7 @@ mod tests {
         let lattice = Quantization::Step { step: 0.001, origin: Some([1.0, 2.0, 3.0]) };
         assert_eq!(jobs[1].settings.encode.quantization, lattice);
         assert!(jobs[1].settings.encode.lock_borders && jobs[1].settings.weld == Some(false));
-        assert_eq!(jobs[1].settings.drop, [Drop::Uvs, Drop::Normals]);
+        assert_eq!(Ok(jobs[1].settings.drop), drop_set(["uvs", "normals"]));
         let strip = |jobs: Vec<Job>| jobs.into_iter().map(|j| Job { line: 0, ..j }).collect::<Vec<_>>();
         assert_eq!(strip(read("jsonl", jsonl)), strip(jobs.clone()));
         assert_eq!(strip(read("toml", toml)), strip(jobs));
@@ -407,7 +419,7 @@ mod tests {
             "jobs, line 5: position_bits is a number, not \"x\"",
             "jobs, line 6: the output \"../up.lods\" has to be a relative path without . and ..",
             "jobs, line 8: the output \"d.lods\" is that of line 7 already; name another",
-            "jobs, line 9: drop knows no \"everything\"; it knows all, normals, colors, uvs, images, materials, tangents",
+            "jobs, line 9: drop knows no \"everything\"; it knows all, normals, colors, uvs, images, materials, tangents, scalars",
             "jobs, line 10: 2 fields where the first line names 5 columns; quote fields that hold commas",
         ];
         for line in expected {

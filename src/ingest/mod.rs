@@ -33,7 +33,7 @@ pub use list::Shard;
 pub use output::abandon;
 pub use predict::{default_memory, peak as predicted_peak};
 pub use schedule::run;
-pub use settings::{Drop, Settings};
+pub use settings::{DROP_NAMES, Settings, drop_set};
 pub use stamp::Stamp;
 pub use store::Retries;
 

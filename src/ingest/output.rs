@@ -231,7 +231,7 @@ mod tests {
         fs::write(folder.path().join(STAGING).join("123-4.part"), b"left by a killed run").unwrap();
         let other = Staging::new(folder.path());
         let left: Vec<_> = fs::read_dir(folder.path().join(STAGING)).unwrap().flatten().map(|e| e.path()).collect();
-        assert_eq!(left, [held.path.clone()]);
+        assert_eq!(left, std::slice::from_ref(&held.path));
         held.commit(&folder.path().join("a/b/out.lods")).unwrap();
         other.create().unwrap();
         drop((staging, other));

@@ -7,12 +7,13 @@ use crate::read::Survey;
 
 /// Bytes of the mesh and the map, for each vertex, corner, element and record.
 const MESH: [u64; 4] = [24, 4, 4, 4];
-/// Bytes of the encoder at its peak, beside the mesh: for each vertex, corner and element.
-const ENCODER: [u64; 3] = [120, 24, 28];
+/// Bytes at the peak of encoding a mesh, the mesh included: for each vertex and corner, and less for each element.
+const ENCODING: [u64; 2] = [144, 42];
+const LESS: u64 = 19;
+/// Bytes more for each isolated vertex: coding point sets takes more than collapsing them saves.
+const ISOLATED: u64 = 82;
 /// Bytes of a table for welding, for each vertex.
-const WELD: u64 = 13;
-/// Whatever the size.
-const FIXED: u64 = 1 << 20;
+const WELD: u64 = 20;
 /// Vertices from which a file gets all cores to itself.
 pub const LARGE: u64 = 2_000_000;
 
@@ -22,9 +23,12 @@ pub fn peak(s: &Survey, stored: u64) -> u64 {
     let mesh = dot(&MESH, &[s.vertices, s.corners, s.elements, s.records]);
     let packed = if s.unpacked > stored { stored } else { 0 };
     let weld = if s.records > s.vertices { WELD.saturating_mul(s.vertices) } else { 0 };
-    let reading = s.unpacked.saturating_add(packed).saturating_add(weld);
-    let encoding = dot(&ENCODER, &[s.vertices, s.corners, s.elements]);
-    FIXED.saturating_add(mesh).saturating_add(reading.max(encoding))
+    let reading = mesh.saturating_add(s.unpacked).saturating_add(packed).saturating_add(weld);
+    // Records beside vertices stay in the map while the mesh is encoded.
+    let records = MESH[3].saturating_mul(s.records.saturating_sub(s.vertices));
+    let isolated = ISOLATED.saturating_mul(s.vertices.saturating_sub(s.corners));
+    let encoding = dot(&ENCODING, &[s.vertices, s.corners]).saturating_sub(LESS.saturating_mul(s.elements));
+    reading.max(encoding.saturating_add(isolated).saturating_add(records))
 }
 
 /// The most vertices or corners that a file can have.

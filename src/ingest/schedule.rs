@@ -30,7 +30,7 @@ const SMALL: u64 = 1 << 20;
 /// Bytes of an object that a survey before fetching looks at.
 const HEAD: u64 = 1 << 18;
 /// Memory beside the jobs: stacks, lists, buffers.
-const ASIDE: u64 = 4 << 20;
+const ASIDE: u64 = 2 << 20;
 
 struct State {
     pending: BTreeMap<(u64, Reverse<u64>), Job>,
@@ -363,7 +363,7 @@ fn work_all(shared: &Shared<'_>, around: &Surroundings<'_>) {
             }
             End::Again(job) => {
                 state = shared.lock();
-                state.pending.insert((job.charge, Reverse(id)), job);
+                state.pending.insert((job.charge, Reverse(id)), *job);
             }
         }
         state.active -= 1;

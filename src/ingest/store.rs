@@ -50,10 +50,13 @@ impl Default for Retries {
 /// The schemes of URLs that name a store.
 pub(super) const SCHEMES: [&str; 3] = ["s3", "gs", "az"];
 
+/// The threads of the stores, once there are any, and the stores by their URLs.
+type Open = (Option<Runtime>, HashMap<String, Arc<Store>>);
+
 /// The stores of a run, each opened once. Threads start with the first.
 pub(super) struct Stores {
     retries: Retries,
-    open: Mutex<(Option<Runtime>, HashMap<String, Arc<Store>>)>,
+    open: Mutex<Open>,
 }
 
 impl Stores {

@@ -188,6 +188,14 @@ impl Builder {
         }
     }
 
+    /// Most of the `count` vertex records to come are at places of their own; call only with counts that the input's size
+    /// justifies.
+    pub fn expect_distinct(&mut self, count: usize) {
+        if let Some(welder) = &mut self.welder {
+            welder.expect(count.min(MAX), &self.positions, &mut self.budget);
+        }
+    }
+
     /// Room for `faces` more faces and `corners` more corners; call only with counts that the input's size justifies.
     pub fn expect_faces(&mut self, faces: usize, corners: usize) -> Result<(), Kind> {
         if self.corners.len().saturating_add(corners) > MAX {
@@ -306,9 +314,10 @@ impl Builder {
     /// A triangle.
     #[inline]
     pub fn triangle(&mut self, t: [u32; 3]) -> Result<(), Kind> {
-        for v in t {
-            self.corner(v)?;
+        if self.corners.capacity() - self.corners.len() < 3 {
+            self.budget.grow(&mut self.corners, 3, "corners")?;
         }
+        self.corners.extend_from_slice(&t);
         self.end_element()
     }
 

@@ -10,9 +10,10 @@ use super::build::{Budget, Kind, MAX};
 
 const EMPTY: u32 = u32::MAX;
 
-/// A growing set of positions: open addressing over vertex numbers.
+/// A growing set of positions: open addressing over vertex numbers, each with some bits of its hash, so that a look at
+/// another vertex's slot does not cost a look at its position.
 pub(super) struct Welder {
-    table: Vec<u32>,
+    table: Vec<[u32; 2]>,
     /// Unpredictable per run, so that no file can be made to collide; the result does not depend on them.
     seeds: [u64; 2],
 }
@@ -25,11 +26,20 @@ impl Welder {
 
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
-        4 * self.table.capacity() as u64
+        8 * self.table.capacity() as u64
+    }
+
+    /// Make room for `count` vertices, as far as the budget goes: growing later costs as much as inserting.
+    pub fn expect(&mut self, count: usize, positions: &[[f64; 3]], budget: &mut Budget) {
+        let size = (positions.len().saturating_add(count).saturating_mul(8) / 5 + 1).checked_next_power_of_two();
+        if let Some(size) = size.filter(|s| *s > self.table.len() && *s <= MAX) {
+            // Without that room it grows as it needs to, and fails then if it must.
+            let _ = self.resize(size, positions, budget);
+        }
     }
 
     #[inline]
-    fn hash(&self, p: &[f64; 3]) -> usize {
+    fn hash(&self, p: &[f64; 3]) -> u64 {
         let fold = |a: u64, b: u64| {
             let product = u128::from(a) * u128::from(b);
             product as u64 ^ (product >> 64) as u64
@@ -37,7 +47,7 @@ impl Welder {
         // Adding zero turns -0.0 into 0.0.
         let bits = |c: f64| (c + 0.0).to_bits();
         let h = fold(bits(p[0]) ^ self.seeds[0], bits(p[1]).rotate_left(32) ^ self.seeds[1]);
-        fold(h ^ bits(p[2]), self.seeds[0] ^ self.seeds[1].rotate_left(17) | 1) as usize
+        fold(h ^ bits(p[2]), self.seeds[0] ^ self.seeds[1].rotate_left(17) | 1)
     }
 
     /// The vertex at `p`; a new one is appended to `positions`.
@@ -47,12 +57,14 @@ impl Welder {
             self.grow(positions, budget)?;
         }
         let mask = self.table.len() - 1;
-        let mut slot = self.hash(&p) & mask;
+        let hash = self.hash(&p);
+        let tag = (hash >> 32) as u32;
+        let mut slot = hash as usize & mask;
         loop {
             match self.table[slot] {
-                EMPTY => break,
+                [EMPTY, _] => break,
                 // Comparing as numbers, so that both zeros are equal; none is NaN.
-                v if positions[v as usize] == p => return Ok(v),
+                [v, t] if t == tag && positions[v as usize] == p => return Ok(v),
                 _ => slot = (slot + 1) & mask,
             }
         }
@@ -60,7 +72,7 @@ impl Welder {
             budget.grow(positions, 1, "vertices")?;
         }
         let v = positions.len() as u32;
-        self.table[slot] = v;
+        self.table[slot] = [v, tag];
         positions.push(p);
         Ok(v)
     }
@@ -70,17 +82,21 @@ impl Welder {
         if positions.len() >= MAX {
             return Err(Kind::TooLarge { what: "vertices", limit: MAX as u64 });
         }
-        let size = (2 * self.table.len()).max(64);
+        self.resize((2 * self.table.len()).max(64), positions, budget)
+    }
+
+    fn resize(&mut self, size: usize, positions: &[[f64; 3]], budget: &mut Budget) -> Result<(), Kind> {
         let mut table = Vec::new();
         budget.reserve(&mut table, size)?;
         budget.release(self.bytes());
-        table.resize(size, EMPTY);
+        table.resize(size, [EMPTY, 0]);
         for (v, p) in positions.iter().enumerate() {
-            let mut slot = self.hash(p) & (size - 1);
-            while table[slot] != EMPTY {
+            let hash = self.hash(p);
+            let mut slot = hash as usize & (size - 1);
+            while table[slot][0] != EMPTY {
                 slot = (slot + 1) & (size - 1);
             }
-            table[slot] = v as u32;
+            table[slot] = [v as u32, (hash >> 32) as u32];
         }
         self.table = table;
         Ok(())

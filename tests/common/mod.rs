@@ -1,6 +1,7 @@
 //! What the tests and the benches share.
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
+pub mod bucket;
 pub mod datasets;
 pub mod distance;
 
@@ -87,6 +88,14 @@ impl Run {
 /// Run the program in a folder with words separated by spaces, the last ones given as they are.
 pub fn lodestream(folder: &Path, words: &str) -> Run {
     lodestream_with(folder, words, None)
+}
+
+/// The same with variables in the environment.
+pub fn lodestream_in(folder: &Path, words: &str, environment: &[(&str, String)]) -> Run {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_lodestream"));
+    command.args(words.split_whitespace()).current_dir(folder).stdin(Stdio::null());
+    command.envs(environment.iter().map(|(name, value)| (name, value)));
+    Run::new(command.output().unwrap())
 }
 
 /// The same with bytes on standard input.

@@ -6,7 +6,7 @@ use crate::ingest_progress::{LogFormat, Watch};
 use crate::shared::{self, Device, parse_size};
 use anyhow::{Result, anyhow};
 use lodestream::encode::EncodeOptions;
-use lodestream::ingest::{self, Drop, IngestError, OnError, Plan, Retries, Settings, Shard, Summary};
+use lodestream::ingest::{self, DROP_NAMES, IngestError, OnError, Plan, Retries, Settings, Shard, Summary};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -42,7 +42,7 @@ pub struct Args {
     weld: WeldArgs,
     /// Leave out attributes without a warning
     #[arg(long, value_name = "WHAT", value_delimiter = ',', value_parser = parse_drop)]
-    drop: Vec<Drop>,
+    drop: Vec<String>,
     /// How many files to encode at a time [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     jobs: Option<u16>,
@@ -92,8 +92,11 @@ enum OnErrorArg {
     Stop,
 }
 
-fn parse_drop(text: &str) -> Result<Drop, String> {
-    Drop::from_name(text).ok_or_else(|| format!("known are {}", Drop::NAMES.map(|(name, _)| name).join(", ")))
+fn parse_drop(text: &str) -> Result<String, String> {
+    match ingest::drop_set([text]) {
+        Ok(_) => Ok(text.to_string()),
+        Err(_) => Err(format!("known are {}", DROP_NAMES.join(", "))),
+    }
 }
 
 fn parse_shard(text: &str) -> Result<Shard, String> {
@@ -110,7 +113,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
     plan.settings = Settings {
         encode: EncodeOptions { quantization: args.lattice.quantization(), lock_borders: args.lock_borders },
         weld: args.weld.choice(),
-        drop: args.drop.clone(),
+        drop: ingest::drop_set(args.drop.iter().map(String::as_str)).unwrap_or_default(),
     };
     plan.threads = args.threads.map_or(plan.threads, usize::from);
     plan.jobs = args.jobs.map_or(plan.threads, usize::from);

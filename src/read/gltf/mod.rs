@@ -108,6 +108,9 @@ pub(super) fn read(bytes: &[u8], base_dir: Option<&Path>, options: &ReadOptions)
         corners = corners.saturating_add(plan.corners);
     }
     b.expect_records(records)?;
+    if records <= bytes.len() / 4 {
+        b.expect_distinct(records);
+    }
     b.expect_faces(faces, corners)?;
     for instance in &instances {
         if let Some(plan) = &plans[instance.mesh] {

@@ -172,12 +172,26 @@ impl MeshPlan {
             let corner = b.corner_count();
             let mut elements = Elements::new(primitive.mode, mirrored, b);
             let base = first[primitive.positions];
+            // Nearly all there is in the world: whole triangles, their indices side by side.
+            if let (Mode::Triangles, Some(indices)) = (primitive.mode, &primitive.indices) {
+                let done = indices.threes(doc, |t| {
+                    let t = t.map(|index| index as usize);
+                    if let Some(&index) = t.iter().find(|&&index| index >= count) {
+                        return Err(outside(index, count));
+                    }
+                    let t = elements.turned(t.map(|index| (base + index) as u32));
+                    elements.b.triangle(t)
+                });
+                if let Some(done) = done {
+                    done?;
+                    continue;
+                }
+            }
             match &primitive.indices {
                 Some(indices) => indices.each(doc, |[index]: [f64; 1]| {
                     let index = index as usize;
                     if index >= count {
-                        let (index, vertices) = (index as i64, count as u64);
-                        return Err(ReadErrorKind::IndexOutOfRange { what: "a primitive", index, vertices, first: 0 });
+                        return Err(outside(index, count));
                     }
                     elements.put((base + index) as u32)
                 })?,
@@ -229,6 +243,12 @@ impl MeshPlan {
         }
         Ok(())
     }
+}
+
+#[cold]
+fn outside(index: usize, count: usize) -> Kind {
+    let (index, vertices) = (index as i64, count as u64);
+    ReadErrorKind::IndexOutOfRange { what: "a primitive", index, vertices, first: 0 }
 }
 
 /// Vertices in, elements out.

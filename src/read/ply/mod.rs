@@ -91,6 +91,8 @@ pub(super) struct HeaderCounts {
     pub vertices: u64,
     /// Faces, or the corners of strips.
     pub faces: u64,
+    /// Edges, as an element of their own.
+    pub edges: u64,
     pub ascii: bool,
     /// The first byte of the body.
     pub body: usize,
@@ -113,13 +115,21 @@ pub(super) fn survey_header(head: &[u8]) -> Option<HeaderCounts> {
     let mut c = Cursor::new(head);
     let header = header::read(&mut c, head).ok()?;
     let ascii = header.encoding == Encoding::Ascii;
-    let mut counts =
-        HeaderCounts { vertices: 0, faces: 0, ascii, body: c.offset(), lines_before_faces: 0, fixed: Some((0, 4)) };
+    let mut counts = HeaderCounts {
+        vertices: 0,
+        faces: 0,
+        edges: 0,
+        ascii,
+        body: c.offset(),
+        lines_before_faces: 0,
+        fixed: Some((0, 4)),
+    };
     for element in &header.elements {
         let count = element.count;
         match element.name {
             "vertex" => counts.vertices = count,
             "face" | "tristrips" => counts.faces = count,
+            "edge" => counts.edges = count,
             _ => {}
         }
         if counts.faces == 0 {

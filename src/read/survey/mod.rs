@@ -76,7 +76,8 @@ pub fn survey_head(head: &[u8], size: u64, format: Format) -> Survey {
         Format::Ply => {
             let told = ply::survey_header(head).and_then(|h| h.binary_corners(size).map(|corners| (h, corners)));
             if let Some((h, corners)) = told {
-                let (vertices, elements) = (h.vertices, h.faces);
+                let edges = h.edges.min(size);
+                let (vertices, elements, corners) = (h.vertices, h.faces.saturating_add(edges), corners + 2 * edges);
                 return Survey { vertices, elements, corners, records: vertices, unpacked: size, exact: true };
             }
         }
@@ -119,7 +120,9 @@ fn stream(input: &mut dyn Read, size: Option<u64>, format: Format) -> io::Result
                 };
                 let unpacked = if h.ascii { unpacked + h.body as u64 } else { unpacked };
                 // Counts that the bytes have no room for are not going to be read.
-                let (vertices, elements) = (h.vertices.min(unpacked), h.faces.min(unpacked));
+                let edges = h.edges.min(unpacked);
+                let (vertices, elements) = (h.vertices.min(unpacked), h.faces.min(unpacked) + edges);
+                let corners = corners + 2 * edges;
                 Survey { vertices, elements, corners: corners.min(unpacked), records: vertices, unpacked, exact: true }
             }
         },

@@ -1,0 +1,113 @@
+//! `lodestream ingest` from and to a bucket on loopback, in health and in sickness.
+
+mod common;
+
+use common::Run;
+use common::bucket::{Bucket, Fault};
+use lodestream::generate;
+use lodestream::read::Format;
+use lodestream::write::write_to;
+use std::collections::BTreeMap;
+
+fn mesh_bytes(i: u32) -> (String, Vec<u8>) {
+    let (extension, format) = [("ply", Format::Ply), ("obj", Format::Obj), ("glb", Format::Glb)][i as usize % 3];
+    let mut bytes = Vec::new();
+    write_to(&mut bytes, format, &generate::asteroid(4 + i % 7, u64::from(i)), None).unwrap();
+    (format!("raw/day {}/scan-{i:03}.{extension}", i % 2), bytes)
+}
+
+fn filled(count: u32) -> Bucket {
+    let bucket = Bucket::start();
+    for i in 0..count {
+        let (key, bytes) = mesh_bytes(i);
+        bucket.put(&key, bytes);
+    }
+    bucket.put("raw/notes.txt", b"not a mesh".to_vec());
+    bucket.put("rawhide/other.ply", b"below another prefix".to_vec());
+    bucket
+}
+
+/// Run the program against a bucket.
+fn ingest(bucket: &Bucket, words: &str) -> Run {
+    common::lodestream_in(&std::env::temp_dir(), words, &bucket.environment())
+}
+
+fn outputs(bucket: &Bucket, prefix: &str) -> BTreeMap<String, Vec<u8>> {
+    let objects = bucket.objects().into_iter();
+    objects.filter_map(|(k, v)| Some((k.strip_prefix(prefix)?.to_string(), v))).collect()
+}
+
+/// What one clean run gives.
+fn clean(count: u32) -> BTreeMap<String, Vec<u8>> {
+    let bucket = filled(count);
+    ingest(&bucket, "ingest s3://scans/raw -o s3://scans/clean --jobs 2").ok();
+    let outputs = outputs(&bucket, "clean/");
+    assert_eq!(outputs.len(), count as usize);
+    outputs
+}
+
+#[test]
+fn a_bucket_becomes_a_bucket_in_pages_and_resumes() {
+    let bucket = filled(20);
+    let run = ingest(&bucket, "ingest s3://scans/raw/ -o s3://scans/out --verify").ok();
+    assert!(run.stdout.contains("20: 20 done"), "{}", run.stdout);
+    let first = outputs(&bucket, "out/");
+    assert!(first.contains_key("day 1/scan-001.lods"), "{:?}", first.keys());
+    let run = ingest(&bucket, "ingest s3://scans/raw/ -o s3://scans/out --resume").ok();
+    assert!(run.stdout.contains("20: 0 done, 20 skipped"), "{}", run.stdout);
+    // From the bucket to a folder, by a pattern, gives the same bytes.
+    let folder = common::Scratch::new("store-folder");
+    let run =
+        common::lodestream_in(folder.folder(), "ingest s3://scans/raw/**/scan-00*.ply -o out", &bucket.environment())
+            .ok();
+    assert!(run.stdout.contains("4: 4 done"), "{}", run.stdout);
+    // The pattern begins below raw/.
+    assert_eq!(std::fs::read(folder.path("out/day 0/scan-000.lods")).unwrap(), first["day 0/scan-000.lods"]);
+    let run = ingest(&bucket, "ingest s3://scans/nothing -o s3://scans/out");
+    assert_eq!((run.code, run.stderr.contains("no mesh was found")), (1, true), "{}", run.stderr);
+}
+
+#[test]
+fn a_store_that_fails_now_and_then_is_asked_again() {
+    let clean = clean(12);
+    for fault in [Fault::Status(500, 3), Fault::Status(503, 4), Fault::Cut(3), Fault::Slow(20)] {
+        let bucket = filled(12);
+        bucket.fault(fault);
+        let run = ingest(&bucket, "ingest s3://scans/raw -o s3://scans/out --jobs 2 --retry-within 60").ok();
+        assert!(run.stdout.contains("12: 12 done"), "{fault:?}: {}", run.stdout);
+        assert!(outputs(&bucket, "out/") == clean, "{fault:?}: other bytes");
+    }
+}
+
+#[test]
+fn what_a_store_refuses_fails_alone_and_comes_with_the_next_run() {
+    let clean = clean(9);
+    let bucket = filled(9);
+    let (sick, _) = mesh_bytes(3);
+    bucket.refuse(&sick, 500);
+    bucket.refuse(&mesh_bytes(4).0, 403);
+    bucket.refuse("out/day 1/scan-005.lods", 503);
+    let run = ingest(&bucket, "ingest s3://scans/raw -o s3://scans/out --retries 2 --retry-within 5");
+    assert_eq!(run.code, 3, "{}", run.stderr);
+    assert!(run.stdout.contains("9: 6 done, 0 skipped, 3 failed"), "{}", run.stdout);
+    assert!(run.stdout.contains("failed: store") && run.stdout.contains("failed: permission"), "{}", run.stdout);
+    assert!(run.stderr.contains(&format!("s3://scans/{sick}: the store failed")), "{}", run.stderr);
+    assert!(run.stderr.contains("the store refuses access"), "{}", run.stderr);
+    bucket.heal();
+    let run = ingest(&bucket, "ingest s3://scans/raw -o s3://scans/out --resume").ok();
+    assert!(run.stdout.contains("9: 3 done, 6 skipped"), "{}", run.stdout);
+    assert!(outputs(&bucket, "out/") == clean);
+    assert_eq!(bucket.open_uploads(), 0);
+}
+
+#[test]
+fn a_store_that_hangs_is_given_up_in_time() {
+    let bucket = filled(2);
+    bucket.fault(Fault::Slow(4000));
+    let start = std::time::Instant::now();
+    let run =
+        ingest(&bucket, "ingest s3://scans/raw -o s3://scans/out --retries 1 --retry-within 2 --request-timeout 1");
+    assert_eq!(run.code, 3, "{}", run.stderr);
+    assert!(run.stdout.contains("failed: store"), "{}", run.stdout);
+    assert!(start.elapsed().as_secs() < 60);
+}
