@@ -3,16 +3,18 @@
 //! Integer arithmetic alone decides what comes out; only [`Decoder::positions`] turns lattice points into coordinates. Counts are
 //! checked against the memory limit before anything is allocated by them.
 
+use crate::codec::appearance::code_appearance;
 use crate::codec::aside::code_aside;
 use crate::codec::base::code_elements;
+use crate::codec::layers::{Lone, Scheme, code_base_layers, code_lone_values};
 use crate::codec::patch::View;
 use crate::codec::points::code_points;
 use crate::codec::range;
 use crate::codec::segment::{Nonsense, Scratch, Stream};
 use crate::codec::stream::{Account, State, Task, code_segment, join, segment_range, segments};
-use crate::complex::{Batch, Faces, Level, Side, Star, Wanted, refine};
-use crate::container::{ContainerError, Event, Front, Kind, LevelInfo, Reader};
-use crate::mesh::Mesh;
+use crate::complex::{Attributes, Batch, Faces, Level, Side, Star, Wanted, refine, refine_attributes, touched};
+use crate::container::{ChunkInfo, ContainerError, Event, Front, Kind, LevelInfo, Reader};
+use crate::mesh::{Appearance, Layer, Mesh, NO_VALUE};
 use crate::par;
 use std::sync::atomic::AtomicU64;
 use thiserror::Error;
@@ -98,6 +100,13 @@ pub struct Decoder {
     parents: Vec<u32>,
     has_aside: bool,
     aside: Option<Faces>,
+    scheme: Scheme,
+    attributes: Attributes,
+    has_lone: bool,
+    lone: Option<Lone>,
+    /// The payload of the lone values, until the level that they belong to is there.
+    late: Option<Vec<u8>>,
+    appearance: Option<Appearance>,
     failed: Option<DecodeError>,
 }
 
@@ -120,6 +129,12 @@ impl Decoder {
             parents: Vec::new(),
             has_aside: false,
             aside: None,
+            scheme: Scheme::default(),
+            attributes: Attributes::default(),
+            has_lone: false,
+            lone: None,
+            late: None,
+            appearance: None,
             failed: None,
         }
     }
@@ -168,19 +183,28 @@ impl Decoder {
                     front.check_memory(0, self.options.memory_limit)?;
                     self.rows = front.header().levels.clone();
                     self.has_aside = front.header().aside.elements > 0;
+                    self.has_lone = front.header().attributes.lone;
+                    self.scheme = front.header().attributes.scheme();
+                    self.state = State::new(&self.scheme);
                 }
             }
         }
         let next = self.at.map_or(0, |l| l + 1);
         let full = self.rows.len() as u32 - 1;
         if next > full {
+            // Images may follow the last level.
+            while let Event::Chunk { info, payload, .. } = self.reader.next_chunk()? {
+                let payload = payload.to_vec();
+                self.take_picture(full, info, payload)?;
+            }
             return Ok(Step::Full);
         }
         loop {
             let parts = self.run.is_some()
                 || (!self.waiting.is_empty() && self.waiting.len() == segments(self.level.positions.len()));
             // The full level is there once what travels aside is.
-            let aside = next < full || !self.has_aside || self.aside.is_some();
+            let aside =
+                next < full || ((!self.has_aside || self.aside.is_some()) && (!self.has_lone || self.late.is_some()));
             if parts && aside {
                 break;
             }
@@ -205,6 +229,9 @@ impl Decoder {
                     }
                     self.aside = Some(self.decode_aside(payload)?);
                 }
+                // It speaks of vertices of the level: it waits until that is there.
+                Kind::Lone => self.late = Some(payload),
+                Kind::Appearance | Kind::Image => self.take_picture(next, info, payload)?,
                 Kind::Other(_) => {}
                 _ => return Err(corrupt(next, "a chunk of another level")),
             }
@@ -217,7 +244,6 @@ impl Decoder {
         } else {
             self.decode_batch(next)?;
         }
-        self.at = Some(next);
         let row = self.rows[next as usize];
         let found = (self.level.positions.len(), self.level.faces.len(), self.level.faces.corners.len());
         if found != (row.vertices as usize, row.elements as usize, row.corners as usize) {
@@ -230,7 +256,78 @@ impl Decoder {
         if far.iter().any(|&c| c as i64 > limit) {
             return Err(corrupt(next, "coordinates out of range"));
         }
+        self.check_wedges(next, next == full)?;
+        if next == full
+            && let Some(payload) = self.late.take()
+        {
+            self.lone = Some(self.decode_lone(payload)?);
+        }
+        self.at = Some(next);
         Ok(Step::Level(next))
+    }
+
+    /// Layers have as many wedges as the header announces.
+    fn check_wedges(&mut self, level: u32, full: bool) -> Result<(), DecodeError> {
+        let Some(front) = self.reader.front()? else { return Ok(()) };
+        for (layer, row) in self.attributes.layers.iter().zip(&front.header().attributes.layers) {
+            let announced = row.wedges as usize;
+            if layer.len() > announced || (full && layer.len() != announced) {
+                return Err(corrupt(level, "another number of wedges than the header announces"));
+            }
+        }
+        Ok(())
+    }
+
+    /// Materials or an image.
+    fn take_picture(&mut self, level: u32, info: ChunkInfo, payload: Vec<u8>) -> Result<(), DecodeError> {
+        match (info.kind, &mut self.appearance) {
+            (Kind::Appearance, None) => {
+                let mut coder = range::Decoder::new(payload);
+                let appearance = code_appearance(&mut coder, &Appearance::default())
+                    .map_err(|Nonsense(what)| corrupt(level, what))?;
+                let announced = match self.reader.front()? {
+                    Some(front) => &front.header().attributes,
+                    None => return Err(corrupt(level, "materials before the header")),
+                };
+                let found = (appearance.materials.len(), appearance.images.len());
+                if found != (announced.materials as usize, announced.images as usize) {
+                    return Err(corrupt(level, "other materials or images than the header announces"));
+                }
+                self.appearance = Some(appearance);
+            }
+            (Kind::Image, Some(appearance)) => {
+                if let Some(image) = appearance.images.get_mut(info.segment as usize) {
+                    image.bytes = payload;
+                }
+            }
+            (Kind::Appearance | Kind::Image, _) => return Err(corrupt(level, "images before materials")),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// For each vertex of the level at hand whether no element names it, aside or not.
+    fn isolated(&self) -> Vec<u32> {
+        let mut used = vec![false; self.level.positions.len()];
+        let aside = self.aside.as_ref().map_or(&[][..], |a| &a.corners);
+        self.level.faces.corners.iter().chain(aside).for_each(|&v| used[v as usize] = true);
+        (0..used.len() as u32).filter(|&v| !used[v as usize]).collect()
+    }
+
+    /// Values of elements aside and of isolated vertices.
+    fn decode_lone(&self, payload: Vec<u8>) -> Result<Lone, DecodeError> {
+        let full = self.rows.len() as u32 - 1;
+        let mut coder = range::Decoder::new(payload);
+        let mut lone = Lone::default();
+        let none = Faces::new();
+        let aside = self.aside.as_ref().unwrap_or(&none);
+        let isolated = self.isolated().len();
+        code_lone_values(&mut coder, &self.scheme, aside, isolated, &mut lone)
+            .map_err(|Nonsense(what)| corrupt(full, what))?;
+        if coder.overrun() {
+            return Err(corrupt(full, "values that end too early"));
+        }
+        Ok(lone)
     }
 
     /// Level 0: points, then the elements on them.
@@ -243,6 +340,9 @@ impl Decoder {
             .map_err(|_| corrupt(0, "elements that contradict the header or themselves"))?;
         self.parents = vec![crate::complex::NONE; level.positions.len()];
         self.star = Star::with_next(level.positions.len(), &level.faces);
+        let count = level.positions.len();
+        code_base_layers(&mut run.coder, &self.scheme, count, &level.faces, &mut self.attributes)
+            .map_err(|Nonsense(what)| corrupt(0, what))?;
         self.level = level;
         self.end_run(0)
     }
@@ -250,7 +350,8 @@ impl Decoder {
     /// The batch that leads to `next`.
     fn decode_batch(&mut self, next: u32) -> Result<(), DecodeError> {
         let (row, before) = (self.rows[next as usize], self.rows[next as usize - 1]);
-        let view = View::new(&self.level, &self.star);
+        let view = View::with(&self.level, &self.star, &self.attributes, &self.scheme);
+        let bias = ((self.rows.len() as u32 - 1 - next) & 1) as i32;
         let n = self.level.positions.len();
         let more =
             (row.vertices.saturating_sub(before.vertices) as u64, row.elements.saturating_sub(before.elements) as u64);
@@ -259,7 +360,7 @@ impl Decoder {
         let room = AtomicU64::new(more.1);
         let task = |k: usize| {
             let r = segment_range(n, k, pieces);
-            Task { view, range: (r.start, r.end), first: k == 0, more, room: &room, shift: row.shift }
+            Task { view, range: (r.start, r.end), first: k == 0, more, room: &room, shift: row.shift, bias }
         };
         let nonsense = |Nonsense(what)| corrupt(next, what);
         let batch = if let Some(run) = &mut self.run {
@@ -300,7 +401,7 @@ impl Decoder {
             if let Some(state) = first {
                 self.state = state;
             }
-            join(batches, &self.level)
+            join(batches, &self.level, &self.scheme.widths)
         };
         // Segments do not see each other: what the operator asks for is checked on the whole.
         if batch.len() as u64 + batch.births.len() as u64 != more.0 {
@@ -312,17 +413,22 @@ impl Decoder {
         if (inserted, corners) != (more.1, row.corners.saturating_sub(before.corners) as u64) {
             return Err(corrupt(next, "other counts than the header announces"));
         }
-        let bias = ((self.rows.len() as u32 - 1 - next) & 1) as i32;
         let more_to_come = (next as usize) + 1 < self.rows.len();
+        let bare = self.scheme.is_empty();
+        let touched = if bare { Vec::new() } else { touched(&self.level.faces, &self.star, &batch) };
         let refined = refine(
             &self.level,
             std::mem::take(&mut self.star),
             &batch,
             bias,
-            Wanted { star: more_to_come, element: false },
+            Wanted { star: more_to_come, element: !bare },
         );
         if refined.conflict {
             return Err(corrupt(next, "two splits that share an element"));
+        }
+        if !bare {
+            let coarse = std::mem::take(&mut self.attributes);
+            self.attributes = refine_attributes(coarse, &self.level.faces, &touched, &batch, &refined);
         }
         drop(batch);
         self.level = refined.level;
@@ -409,12 +515,97 @@ impl Decoder {
             corners: self.level.faces.corners.clone(),
             ..Mesh::default()
         };
-        if let (Some(aside), true) = (&self.aside, self.at.is_some_and(|l| l as usize + 1 == self.rows.len())) {
+        let full = self.at.is_some_and(|l| l as usize + 1 == self.rows.len());
+        if let (Some(aside), true) = (&self.aside, full) {
             for f in aside.iter() {
                 mesh.push_face(f);
             }
         }
+        let isolated = if full && self.lone.is_some() { self.isolated() } else { Vec::new() };
+        let Ok(Some(front)) = self.reader.front() else { return mesh };
+        let announced = &front.header().attributes;
+        let lone = self.lone.as_ref().filter(|_| full);
+        for (l, (layer, wedges)) in announced.layers.iter().zip(&self.attributes.layers).enumerate() {
+            let width = layer.width as usize;
+            let mut values = vec![0.0; wedges.len() * width];
+            for (out, value) in
+                values.chunks_exact_mut(width.max(1)).zip(wedges.values.chunks_exact(wedges.width.max(1)))
+            {
+                layer.quantizer.restore(layer.kind, value, out);
+            }
+            let mut out = Layer {
+                name: layer.name.clone(),
+                kind: layer.kind,
+                width: layer.width,
+                stored: layer.stored,
+                values,
+                corners: wedges.corner.clone(),
+                isolated: Vec::new(),
+            };
+            let add = |out: &mut Layer, value: &[i32]| {
+                let at = out.values.len();
+                out.values.resize(at + width, 0.0);
+                layer.quantizer.restore(layer.kind, &value[..wedges.width], &mut out.values[at..]);
+                (at / width.max(1)) as u32
+            };
+            if let Some(lone) = lone {
+                for value in lone.corners.get(l).into_iter().flatten() {
+                    let i = value.as_ref().map_or(NO_VALUE, |v| add(&mut out, v));
+                    out.corners.push(i);
+                }
+                for (&v, value) in isolated.iter().zip(lone.isolated.get(l).into_iter().flatten()) {
+                    if let Some(value) = value {
+                        let i = add(&mut out, value);
+                        out.isolated.push([v, i]);
+                    }
+                }
+            }
+            out.corners.resize(mesh.corners.len(), NO_VALUE);
+            mesh.layers.push(out);
+        }
+        if announced.materials > 0 {
+            let material =
+                |label: u16| announced.labels.get(label as usize).map_or(NO_VALUE, |l| l.material.wrapping_sub(1));
+            let complex = self.level.faces.len();
+            mesh.material = if self.attributes.labels.is_empty() {
+                vec![material(0); complex]
+            } else {
+                self.attributes.labels.iter().map(|&l| material(l)).collect()
+            };
+            let aside = lone.map_or(&[][..], |l| &l.labels);
+            let more = mesh.face_count() - complex;
+            mesh.material.extend((0..more).map(|f| material(aside.get(f).copied().unwrap_or(0))));
+        }
+        if let Some(appearance) = &self.appearance {
+            mesh.appearance = appearance.clone();
+        } else {
+            // Its chunk has not arrived: a number alone is no material.
+            mesh.material = Vec::new();
+        }
         mesh
+    }
+
+    /// Hand in the payload of a chunk of materials or of an image that was fetched apart, its checksum verified
+    /// ([`Front::payload`], [`Front::check_chunk`]); other kinds, and what is there already, are passed over.
+    ///
+    /// # Errors
+    /// [`DecodeError::Corrupt`] for materials that make no sense, and for an image that comes before them.
+    pub fn offer(&mut self, info: ChunkInfo, payload: Vec<u8>) -> Result<(), DecodeError> {
+        if info.kind == Kind::Appearance && self.appearance.is_some() {
+            return Ok(());
+        }
+        let level = self.at.unwrap_or(0);
+        self.take_picture(level, info, payload)
+    }
+
+    /// Labels and wedges of the level at hand, in the order of its elements and corners.
+    pub fn attributes(&self) -> &Attributes {
+        &self.attributes
+    }
+
+    /// Materials, textures and images, as far as they have arrived; an image that has not is empty.
+    pub fn appearance(&self) -> Option<&Appearance> {
+        self.appearance.as_ref()
     }
 }
 

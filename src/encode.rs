@@ -1,11 +1,20 @@
 //! The encoder's front door: a mesh in, the bytes of a `.lods` file and an account of the work out.
 
+mod attributes;
+
+pub use attributes::AttributeError;
+
+use self::attributes::{Parts, dress};
+use crate::codec::appearance::code_appearance;
 use crate::codec::aside::code_aside;
+use crate::codec::base::Origin;
+use crate::codec::layers::{Lone, Value, code_lone_values};
 use crate::codec::range;
 use crate::complex::{Faces, Level};
 use crate::container::{self, AsideCounts, Chunk, ContainerError, ErrorBound, Header, LevelInfo};
 use crate::lattice::{Lattice, LatticeError, Quantization};
 use crate::mesh::{Mesh, MeshError};
+use crate::quantizer::Precision;
 use crate::simplify::{ReplayError, SimplifyOptions, reorder, replay, simplify};
 use std::collections::HashSet;
 use std::time::Instant;
@@ -18,11 +27,26 @@ pub struct EncodeOptions {
     pub quantization: Quantization,
     /// Never move a vertex of a border, so that tiles fit at every level.
     pub lock_borders: bool,
+    /// Texture coordinates: bits on the longest side of their box, or a step.
+    pub uv: Precision,
+    /// Bits of each of the two numbers of a normal or tangent, 2 to 16.
+    pub normal_bits: u8,
+    /// Bits of each component of a colour, 1 to 24.
+    pub color_bits: u8,
+    /// Bits on the range of any other attribute, 1 to 24; whole numbers stay whole where 24 bits hold them.
+    pub scalar_bits: u8,
 }
 
 impl Default for EncodeOptions {
     fn default() -> Self {
-        EncodeOptions { quantization: Quantization::Bits(12), lock_borders: false }
+        EncodeOptions {
+            quantization: Quantization::Bits(12),
+            lock_borders: false,
+            uv: Precision::Bits(12),
+            normal_bits: 10,
+            color_bits: 8,
+            scalar_bits: 16,
+        }
     }
 }
 
@@ -59,6 +83,12 @@ pub struct BitsByKind {
     pub geometry: f64,
     /// Faces that repeat a vertex, which travel aside.
     pub aside: f64,
+    /// Labels, wedges and their values.
+    pub attributes: f64,
+    /// Materials, textures and samplers.
+    pub appearance: f64,
+    /// Images.
+    pub images: f64,
 }
 
 /// An account of one encoding.
@@ -107,6 +137,9 @@ pub enum EncodeError {
     /// The lattice cannot hold it.
     #[error(transparent)]
     Lattice(#[from] LatticeError),
+    /// Its attributes cannot be carried.
+    #[error(transparent)]
+    Attributes(#[from] AttributeError),
     /// The container cannot hold it.
     #[error(transparent)]
     Container(#[from] ContainerError),
@@ -127,7 +160,10 @@ pub fn encode(
     mesh.validate()?;
     let lattice = Lattice::choose(options.quantization, &mesh.positions)?;
     let positions = lattice.quantize(&mesh.positions)?;
-    let (faces, aside) = part(mesh);
+    let (faces, aside, of) = part(mesh);
+    let [of_face, of_aside] = of;
+    let dressed = dress(mesh, &Parts { faces: &faces, of_face, of_aside }, options)?;
+    let scheme = dressed.scheme;
     // What travels aside is not there before the full level: its points are told by its corners.
     let missing = extent_aside(mesh, &faces, &aside);
     let components = components(positions.len(), mesh);
@@ -139,13 +175,15 @@ pub fn encode(
     let total = positions.len() as u64;
     let slots = positions.len();
     let mut level = Level { positions, faces, shift: 0 };
-    let place = reorder(&mut level);
+    let mut attributes = dressed.attributes;
+    let place = reorder(&mut level, &mut attributes);
     let simplify_options = SimplifyOptions { lock_borders: options.lock_borders, ..SimplifyOptions::default() };
-    let history = simplify(level, &simplify_options, &|left| {
+    let history = simplify(level, attributes, &simplify_options, &|left| {
         progress(Progress { stage: Stage::Simplify, done: total - left, total });
     });
     let clock = Instant::now();
-    let mut replayed = replay(&history, slots, &|done| progress(Progress { stage: Stage::Encode, done, total }))?;
+    let mut replayed =
+        replay(&history, slots, &scheme, &|done| progress(Progress { stage: Stage::Encode, done, total }))?;
     if let Some(place) = place {
         // Back to the caller's numbers.
         replayed.number = place.iter().map(|&v| replayed.number[v as usize]).collect();
@@ -162,6 +200,8 @@ pub fn encode(
         .collect();
     let full_level = replayed.levels.len() as u32 - 1;
     let mut aside_bits = 0.0;
+    let mut coded_aside = Faces::new();
+    let mut origins = Vec::new();
     let aside_counts = AsideCounts { elements: aside.len() as u32, corners: aside.corners.len() as u32 };
     if !aside.is_empty() {
         let mut coder = range::Encoder::new();
@@ -170,13 +210,46 @@ pub fn encode(
             let f: Vec<u32> = f.iter().map(|&v| replayed.number[v as usize]).collect();
             faces.push(&f);
         }
-        code_aside(&mut coder, slots, &mut faces, aside.corners.len()).map_err(ReplayError::Base)?;
+        origins = code_aside(&mut coder, slots, &mut faces, aside.corners.len()).map_err(ReplayError::Base)?;
         let payload = coder.finish();
         aside_bits = payload.len() as f64 * 8.0;
         chunks.push(Chunk::aside(full_level, payload));
+        coded_aside = faces;
+    }
+    let mut attribute_bits = replayed.account.splits.attributes;
+    if dressed.header.lone {
+        let lone = turn(&dressed.lone, &aside, &origins);
+        let number = |v: u32| replayed.number[v as usize];
+        let isolated = isolated(mesh, &dressed.isolated, scheme.widths.len(), &number);
+        let count = isolated.len();
+        let mut lone = Lone { isolated: columns(isolated, scheme.widths.len()), ..lone };
+        let mut coder = range::Encoder::new();
+        code_lone_values(&mut coder, &scheme, &coded_aside, count, &mut lone).map_err(ReplayError::Stream)?;
+        let payload = coder.finish();
+        attribute_bits += payload.len() as f64 * 8.0;
+        chunks.push(Chunk::lone(full_level, payload));
+    }
+    let (mut appearance_bits, mut image_bits) = (0.0, 0.0);
+    if dressed.header.appearance {
+        let mut coder = range::Encoder::new();
+        code_appearance(&mut coder, &mesh.appearance).map_err(ReplayError::Stream)?;
+        let payload = coder.finish();
+        appearance_bits = payload.len() as f64 * 8.0;
+        // Behind the base: what is shown first has its materials.
+        chunks.insert(1, Chunk::appearance(0, payload));
+        let count = mesh.appearance.images.len() as u32;
+        for (i, image) in mesh.appearance.images.iter().enumerate() {
+            image_bits += image.bytes.len() as f64 * 8.0;
+            chunks.push(Chunk::image(full_level, i as u32, count, image.bytes.clone()));
+        }
+    }
+    let mut announced = dressed.header;
+    for (layer, &wedges) in announced.layers.iter_mut().zip(&replayed.wedges) {
+        layer.wedges = wedges;
     }
     let quantum = lattice.step * 3f64.sqrt() / 2.0;
     let header = Header {
+        attributes: announced,
         required: 0,
         optional: 0,
         lattice,
@@ -212,6 +285,9 @@ pub fn encode(
             connectivity: account.splits.connectivity,
             geometry: account.splits.geometry,
             aside: aside_bits,
+            attributes: attribute_bits,
+            appearance: appearance_bits,
+            images: image_bits,
         },
         edges_weighed: history.edges_weighed,
         weigh_seconds: history.seconds[0],
@@ -222,11 +298,12 @@ pub fn encode(
     Ok(Encoded { bytes, map: replayed.number, report })
 }
 
-/// The elements that the complex can hold, and those that repeat a vertex.
-fn part(mesh: &Mesh) -> (Faces, Faces) {
+/// The elements that the complex can hold, those that repeat a vertex, and their numbers in the mesh.
+fn part(mesh: &Mesh) -> (Faces, Faces, [Vec<u32>; 2]) {
     let (mut faces, mut aside) = (Faces::new(), Faces::new());
+    let mut of = [Vec::with_capacity(mesh.face_count()), Vec::new()];
     let mut sorted = Vec::new();
-    for f in mesh.faces() {
+    for (i, f) in mesh.faces().enumerate() {
         let repeats = if f.len() <= 8 {
             (1..f.len()).any(|i| f[..i].contains(&f[i]))
         } else {
@@ -235,9 +312,56 @@ fn part(mesh: &Mesh) -> (Faces, Faces) {
             sorted.sort_unstable();
             sorted.windows(2).any(|w| w[0] == w[1])
         };
-        if repeats { aside.push(f) } else { faces.push(f) }
+        if repeats {
+            aside.push(f)
+        } else {
+            faces.push(f)
+        }
+        of[repeats as usize].push(i as u32);
     }
-    (faces, aside)
+    (faces, aside, of)
+}
+
+/// Values of elements aside in the order and rotation in which they are coded.
+fn turn(lone: &Lone, aside: &Faces, origins: &[Origin]) -> Lone {
+    let corners = |list: &Vec<Option<Value>>| {
+        let mut out = Vec::with_capacity(list.len());
+        for o in origins {
+            let own = &list[aside.start[o.element as usize] as usize..aside.start[o.element as usize + 1] as usize];
+            out.extend((0..own.len()).map(|k| own[(o.rotation as usize + k) % own.len()]));
+        }
+        out
+    };
+    let labels = if lone.labels.is_empty() {
+        Vec::new()
+    } else {
+        origins.iter().map(|o| lone.labels[o.element as usize]).collect()
+    };
+    Lone { labels, corners: lone.corners.iter().map(corners).collect(), isolated: Vec::new() }
+}
+
+/// For each vertex that no element names, in the order of the full level, its values.
+fn isolated(
+    mesh: &Mesh,
+    known: &[(u32, Vec<Option<Value>>)],
+    layers: usize,
+    number: &dyn Fn(u32) -> u32,
+) -> Vec<Vec<Option<Value>>> {
+    let mut used = vec![false; mesh.positions.len()];
+    mesh.corners.iter().for_each(|&v| used[v as usize] = true);
+    let mut order: Vec<(u32, u32)> =
+        (0..used.len() as u32).filter(|&v| !used[v as usize]).map(|v| (number(v), v)).collect();
+    order.sort_unstable();
+    let values = |v: u32| match known.binary_search_by_key(&v, |k| k.0) {
+        Ok(i) => known[i].1.clone(),
+        Err(_) => vec![None; layers],
+    };
+    order.into_iter().map(|(_, v)| values(v)).collect()
+}
+
+/// Layer by layer instead of vertex by vertex.
+fn columns(rows: Vec<Vec<Option<Value>>>, layers: usize) -> Vec<Vec<Option<Value>>> {
+    (0..layers).map(|l| rows.iter().map(|r| r[l]).collect()).collect()
 }
 
 /// How far the points of elements that repeat a vertex are at most from vertices, or from the rest of the mesh.

@@ -25,6 +25,7 @@ mod par;
 pub mod picture;
 #[cfg(feature = "quality")]
 pub mod quality;
+pub mod quantizer;
 
 #[cfg(feature = "encode")]
 pub mod metric;

@@ -303,21 +303,36 @@ fn the_demo_leaves_a_mesh_a_file_and_pictures() {
 }
 
 #[test]
-fn attributes_are_left_out_with_a_counted_warning() {
+fn attributes_come_back_and_are_verified() {
     let scratch = Scratch::new("layers");
-    scratch.write("t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n");
-    let run = lodestream(scratch.folder(), "encode t.obj -o t.lods --json");
-    assert!(
-        run.stderr.contains("lodestream: warning: t.obj: `uv` is not kept yet (3 values left out)"),
-        "{}",
-        run.stderr
-    );
-    assert_eq!(run.json()["warnings"].as_array().unwrap().len(), 1);
-    // Asked for, it is no warning.
-    let run = lodestream(scratch.folder(), "encode t.obj -o t.lods --drop normals,uvs").ok();
-    assert_eq!(run.stderr, "");
-    let run = lodestream(scratch.folder(), "encode t.obj -o t.lods --drop all").ok();
-    assert_eq!(run.stderr, "");
+    let text = "mtllib t.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nvt 0.25 0.5\n\
+        usemtl a\nf 1/1 2/2 3/3\nusemtl b\nf 3/4 2/2 4/1\n";
+    scratch.write("t.obj", text);
+    scratch.write("t.mtl", "newmtl a\nKd 1 0 0\nmap_Kd a.png\nnewmtl b\nKd 0 1 0\n");
+    std::fs::write(scratch.path("a.png"), b"\x89PNG\r\n\x1a\n and so on").unwrap();
+    let run = lodestream(scratch.folder(), "encode t.obj -o t.lods --map t.map --json");
+    assert_eq!((run.code, run.stderr.as_str()), (0, ""));
+    assert!(run.json()["bytes_by_kind"]["attributes"].as_f64().unwrap() > 0.0);
+    let run = lodestream(scratch.folder(), "verify t.lods --against t.obj --map t.map").ok();
+    assert!(run.stdout.contains("4 vertices and 2 faces, with 1 attribute layer are equal"), "{}", run.stdout);
+    lodestream(scratch.folder(), "decode t.lods -o back.obj").ok();
+    let back = std::fs::read_to_string(scratch.path("back.obj")).unwrap();
+    assert!(back.contains("usemtl a") && back.contains("usemtl b") && back.contains("vt "), "{back}");
+    lodestream(scratch.folder(), "verify t.lods --against back.obj").ok();
+    // A coarse level has its materials and images too.
+    lodestream(scratch.folder(), "decode t.lods -o base.glb --level 0").ok();
+    let base = std::fs::read(scratch.path("base.glb")).unwrap();
+    assert!(base.windows(9).any(|w| w == b"and so on"));
+
+    // Another value somewhere is a difference that is named.
+    scratch.write("u.obj", text.replace("0.25 0.5", "0.25 0.75"));
+    let run = lodestream(scratch.folder(), "verify t.lods --against u.obj --map t.map");
+    assert!(run.code != 0 && run.stderr.contains("uv"), "{}", run.stderr);
+
+    // What was dropped is told, and no difference.
+    lodestream(scratch.folder(), "encode t.obj -o bare.lods --drop all").ok();
+    let run = lodestream(scratch.folder(), "verify bare.lods --against t.obj").ok();
+    assert!(run.stdout.contains("not kept"), "{}", run.stdout);
 }
 
 #[test]

@@ -8,6 +8,7 @@
 mod small;
 
 use lodestream::codec::base::code_elements;
+use lodestream::codec::layers::Wardrobe;
 use lodestream::codec::patch::View;
 use lodestream::codec::points::{canonical_order, code_points};
 use lodestream::codec::range::Encoder;
@@ -260,6 +261,8 @@ const LIST: usize = 40_000;
 /// How many of them there are in a segment.
 const LISTS: u32 = 25;
 
+impl Wardrobe for Greedy<'_> {}
+
 impl Source for Greedy<'_> {
     fn split(&mut self, v: u32, split: &mut Split) -> Option<[i32; 3]> {
         self.left = self.left.checked_sub(1)?;
@@ -311,6 +314,7 @@ fn segments_that_each_claim_all() -> Vec<u8> {
             more: (u64::MAX, u64::MAX),
             room: &room,
             shift: 0,
+            bias: 0,
         };
         let mut coder = Encoder::new();
         let mut source = Greedy { star: &star, faces: &level.faces, left: LISTS };

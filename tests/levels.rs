@@ -177,8 +177,11 @@ fn borders(mesh: &Mesh, options: &EncodeOptions, on_border: impl Fn([f64; 3]) ->
 #[test]
 fn tiles_with_locked_borders_fit_at_every_level() {
     let step = 1.0 / 256.0;
-    let options =
-        EncodeOptions { quantization: Quantization::Step { step, origin: Some([0.0, 0.0, 0.0]) }, lock_borders: true };
+    let options = EncodeOptions {
+        quantization: Quantization::Step { step, origin: Some([0.0, 0.0, 0.0]) },
+        lock_borders: true,
+        ..EncodeOptions::default()
+    };
     let shared = |p: [f64; 3]| p[0] == 30.0;
     let left = borders(&tile(0, 30, 40), &options, shared);
     let right = borders(&tile(30, 70, 40), &options, shared);

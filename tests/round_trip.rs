@@ -34,7 +34,8 @@ fn every_dataset_comes_back_through_the_library() {
     // The largest goes through `verify` below; once is enough in a build without full optimization.
     for dataset in datasets::available(|d| !d.large && d.vertices < 150_000) {
         for (bits, lock_borders) in [(12, false), (9, true)] {
-            let options = EncodeOptions { quantization: Quantization::Bits(bits), lock_borders };
+            let options =
+                EncodeOptions { quantization: Quantization::Bits(bits), lock_borders, ..EncodeOptions::default() };
             let result = dataset.load(None).and_then(|mesh| round_trip(&mesh, &options));
             if let Err(error) = result {
                 failures.push(format!("{} at {bits} bits: {error}", dataset.name));
@@ -107,7 +108,7 @@ fn tiny_meshes_come_back() {
     ];
     for (name, mesh) in cases {
         for bits in [1, 12, 21] {
-            let options = EncodeOptions { quantization: Quantization::Bits(bits), lock_borders: false };
+            let options = EncodeOptions { quantization: Quantization::Bits(bits), ..EncodeOptions::default() };
             round_trip(mesh, &options).unwrap_or_else(|e| panic!("{name} at {bits} bits: {e}"));
         }
     }
@@ -134,7 +135,8 @@ fn border_points(mesh: &Mesh, lattice: &lodestream::lattice::Lattice) -> Vec<[i3
 #[test]
 fn locked_borders_stay_at_every_level() {
     for mesh in [lodestream::generate::cylinder(40, 30, 20, 3), lodestream::generate::terrain(2500, 4)] {
-        let options = EncodeOptions { quantization: Quantization::Bits(14), lock_borders: true };
+        let options =
+            EncodeOptions { quantization: Quantization::Bits(14), lock_borders: true, ..EncodeOptions::default() };
         let encoded = encode(&mesh, &options, &|_| {}).unwrap();
         let mut decoder = Decoder::new(DecodeOptions::default());
         decoder.push(&encoded.bytes);

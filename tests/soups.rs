@@ -89,7 +89,7 @@ proptest! {
 
     #[test]
     fn soups_come_back(mesh in soup(60, 80), lock in any::<bool>(), bits in 1u8..15) {
-        let options = EncodeOptions { quantization: Quantization::Bits(bits), lock_borders: lock };
+        let options = EncodeOptions { quantization: Quantization::Bits(bits), lock_borders: lock, ..EncodeOptions::default() };
         let e = encode(&mesh, &options, &|_| {}).unwrap();
         exact(&mesh, &options, &e.bytes, &e.map)?;
     }

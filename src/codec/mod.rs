@@ -2,11 +2,13 @@
 //!
 //! Everything here is integer arithmetic with stated widths, so that a file decodes alike on every machine.
 
+pub mod appearance;
 pub mod around;
 pub mod aside;
 pub mod base;
 pub mod cut;
 pub mod density;
+pub mod layers;
 pub mod patch;
 pub mod points;
 pub mod range;

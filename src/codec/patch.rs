@@ -4,8 +4,9 @@
 //! 64 elements are looked at, so that no sum leaves `i64`.
 
 use super::around::Around;
+use super::layers::Scheme;
 use crate::complex::placement::{cross, dot, root, sub, unit};
-use crate::complex::{Faces, Level, Star};
+use crate::complex::{Attributes, Faces, Level, Star};
 
 /// Elements looked at for geometry.
 const LOOK: usize = 64;
@@ -25,15 +26,27 @@ pub struct View<'a> {
     /// For each number of edges the sum of squares from which on they count as so long: every vertex is surveyed, so that
     /// nothing should be divided there, and no root be taken.
     limits: [[u64; BOUNDS.len()]; LOOK + 1],
+    /// Its attributes.
+    pub attributes: &'a Attributes,
+    /// What holds for those of the file.
+    pub scheme: &'a Scheme,
 }
 
+static BARE: Attributes = Attributes { layers: Vec::new(), labels: Vec::new() };
+static NO_LAYERS: Scheme = Scheme { widths: Vec::new(), presence: Vec::new() };
+
 impl<'a> View<'a> {
-    /// Look at a level.
+    /// Look at a level without attributes.
     pub fn new(level: &'a Level, star: &'a Star) -> Self {
+        View::with(level, star, &BARE, &NO_LAYERS)
+    }
+
+    /// Look at a level with attributes.
+    pub fn with(level: &'a Level, star: &'a Star, attributes: &'a Attributes, scheme: &'a Scheme) -> Self {
         let mean = mean_edge(&level.positions, &level.faces) as u128;
         // Square of the bound, in 1/2^26 square step; 2^63 steps at most.
         let limit = |n: usize, b: u128| (n as u128 * (b * mean) * (b * mean)).div_ceil(1 << 26) as u64;
-        View { level, star, limits: std::array::from_fn(|n| BOUNDS.map(|b| limit(n, b))) }
+        View { level, star, limits: std::array::from_fn(|n| BOUNDS.map(|b| limit(n, b))), attributes, scheme }
     }
 }
 

@@ -4,6 +4,7 @@
 //! that already splits. A segment's symbols depend on the coarser level and on the segment's own earlier symbols only.
 
 use super::cut::{CutModels, CutScratch, code_cut};
+use super::layers::{AttributeModels, AttributeScratch, Scheme, Wardrobe, code_attributes};
 use super::patch::{Patch, View};
 use super::range::{Bit, Coder};
 use super::spread::{SpreadModels, code_delta};
@@ -18,6 +19,14 @@ pub struct Models {
     /// Connectivity.
     pub cut: CutModels,
     spread: SpreadModels,
+    attributes: AttributeModels,
+}
+
+impl Models {
+    /// Models for a file whose attributes are those of `scheme`.
+    pub fn new(scheme: &Scheme) -> Self {
+        Models { attributes: AttributeModels::new(scheme), ..Models::default() }
+    }
 }
 
 #[derive(Clone, Debug)]
@@ -55,6 +64,7 @@ pub struct Scratch {
     cut: CutScratch,
     split: Split,
     blocked: Vec<bool>,
+    attributes: AttributeScratch,
 }
 
 /// Bits by kind of one segment.
@@ -64,6 +74,8 @@ pub struct SegmentBits {
     pub connectivity: f64,
     /// Where the children lie, and low bits.
     pub geometry: f64,
+    /// Labels, wedges and their values.
+    pub attributes: f64,
 }
 
 /// A stream that makes no sense.
@@ -71,7 +83,7 @@ pub struct SegmentBits {
 pub struct Nonsense(pub &'static str);
 
 /// Where an encoder's symbols come from. A decoder has none: [`Stream`].
-pub trait Source {
+pub trait Source: Wardrobe {
     /// Whether `v` splits: fills `split`, with a side for each element of the star, and returns `v1 − v2`.
     fn split(&mut self, v: u32, split: &mut Split) -> Option<[i32; 3]>;
     /// Hears the canonical form of the split that was asked for last, and whether the children changed places.
@@ -87,6 +99,8 @@ pub trait Source {
 /// The source of a decoder: everything is in the stream.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Stream;
+
+impl Wardrobe for Stream {}
 
 impl Source for Stream {
     fn split(&mut self, _: u32, _: &mut Split) -> Option<[i32; 3]> {
@@ -115,9 +129,10 @@ pub fn code_splits<C: Coder, S: Source>(
     batch: &mut Batch,
     room: &AtomicU64,
     budget: &mut u64,
+    bias: i32,
     bits: &mut SegmentBits,
 ) -> Result<(), Nonsense> {
-    let Scratch { patch, cut, split, blocked } = scratch;
+    let Scratch { patch, cut, split, blocked, attributes } = scratch;
     blocked.clear();
     blocked.resize(range.len(), false);
     let positions = &view.level.positions;
@@ -152,8 +167,14 @@ pub fn code_splits<C: Coder, S: Source>(
             return Err(Nonsense("a split of impossible size"));
         }
         bits.connectivity += mid - start;
-        bits.geometry += coder.bits() - mid;
+        let end = coder.bits();
+        bits.geometry += end - mid;
         batch.push(v, split, delta);
+        if !view.scheme.is_empty() {
+            let (m, out) = (&mut m.attributes, &mut batch.attributes);
+            code_attributes(coder, m, attributes, view, patch, split, delta, bias, source, out)?;
+            bits.attributes += coder.bits() - end;
+        }
         for &f in view.star.get(v) {
             for &x in view.level.faces.get(f) {
                 if range.contains(&x) {

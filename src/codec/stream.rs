@@ -4,6 +4,7 @@
 //! that starts with the models as the first segment of the coarser level's batch left them (core paper section 5; Qin 2002 for batches
 //! without order; segments after `DESIGN.md`).
 
+use super::layers::Scheme;
 use super::patch::View;
 use super::points::code_points;
 use super::range::{Bit, Coder, golomb};
@@ -37,6 +38,13 @@ pub struct State {
     births: Bits,
 }
 
+impl State {
+    /// The state at the beginning of a file whose attributes are those of `scheme`.
+    pub fn new(scheme: &Scheme) -> Self {
+        State { models: Models::new(scheme), ..State::default() }
+    }
+}
+
 #[derive(Clone, Debug)]
 struct Bits([Bit; 64]);
 
@@ -61,6 +69,8 @@ pub struct Task<'a> {
     pub room: &'a AtomicU64,
     /// The shift of the finer level.
     pub shift: u8,
+    /// The rounding of midpoints, 0 or 1.
+    pub bias: i32,
 }
 
 /// Bits by kind of one segment.
@@ -89,6 +99,7 @@ pub fn code_segment<C: Coder, S: Source>(
     account: &mut Account,
 ) -> Result<(), Nonsense> {
     batch.shift = task.shift;
+    batch.attributes.layers.resize_with(task.view.scheme.widths.len(), Default::default);
     if task.first {
         let changed = coder.bit(&mut state.same_alpha, batch.alpha != state.alpha);
         if changed {
@@ -108,6 +119,7 @@ pub fn code_segment<C: Coder, S: Source>(
         batch,
         task.room,
         &mut budget,
+        task.bias,
         &mut account.splits,
     )?;
     if task.first {
@@ -146,14 +158,14 @@ pub fn code_segment<C: Coder, S: Source>(
 }
 
 /// Put the segments of a batch together. Low bits of the births, which the first segment holds, go to the end.
-pub fn join(parts: Vec<Batch>, level: &Level) -> Batch {
+pub fn join(parts: Vec<Batch>, level: &Level, widths: &[usize]) -> Batch {
     let mut parts = parts.into_iter();
     let Some(mut batch) = parts.next() else { return Batch::default() };
     let births = if batch.shift < level.shift { batch.births.len() } else { 0 };
     let tail = batch.low_bits.split_off(batch.low_bits.len() - births);
     batch.reserve(parts.as_slice());
     for part in parts {
-        batch.append(&part);
+        batch.append(&part, widths);
     }
     batch.low_bits.extend(tail);
     batch

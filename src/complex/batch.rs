@@ -4,6 +4,8 @@
 //! triangle and dangling edge that appears. What the fans make implicit is the codec's business, not the operator's.
 //! Invariants: `vertex` is strictly increasing; no element of the coarser level names two split vertices.
 
+use super::attributes::AttributeBatch;
+
 /// What becomes of an element around a vertex `v` that splits into `v1` and `v2`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(u8)]
@@ -96,6 +98,8 @@ pub struct Batch {
     pub low_bits: Vec<[u16; 3]>,
     /// Curvature compensation in 1/256 (see [`super::placement`]).
     pub alpha: u8,
+    /// What becomes of the attributes.
+    pub attributes: AttributeBatch,
 }
 
 impl Default for Batch {
@@ -112,6 +116,7 @@ impl Default for Batch {
             shift: 0,
             low_bits: Vec::new(),
             alpha: 0,
+            attributes: AttributeBatch::default(),
         }
     }
 }
@@ -138,8 +143,9 @@ impl Batch {
         self.edges.push(split.edges);
     }
 
-    /// Append the splits and low bits of `other`, whose vertices come after those here.
-    pub fn append(&mut self, other: &Batch) {
+    /// Append the splits and low bits of `other`, whose vertices come after those here. `widths` are those of the layers.
+    pub fn append(&mut self, other: &Batch, widths: &[usize]) {
+        self.attributes.append(&other.attributes, self.sides.len(), widths);
         self.vertex.extend_from_slice(&other.vertex);
         self.delta.extend_from_slice(&other.delta);
         let (s, t) = (self.sides.len() as u32, self.triangles.len() as u32);

@@ -3,6 +3,7 @@
 //! Follows Caillaud et al. 2016, section 4.1 (generic edge collapse and vertex split), with levels as multisets:
 //! elements that become equal stay, both.
 
+mod attributes;
 mod batch;
 mod coarsen;
 mod level;
@@ -12,6 +13,9 @@ mod star;
 #[cfg(test)]
 pub(crate) mod tests;
 
+pub use attributes::{
+    AttributeBatch, Attributes, MAX_WEDGES, WedgeBatch, Wedges, first_of_middle, middle, refine_attributes, touched,
+};
 pub use batch::{Batch, Inserted, Side, Split};
 pub use coarsen::{Coarsened, Placement, coarsen, legal};
 pub use level::{Faces, Level};

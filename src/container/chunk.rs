@@ -23,6 +23,12 @@ pub enum Kind {
     Segment,
     /// The elements that repeat a vertex, at the full level (number 3).
     Aside,
+    /// Values of elements that travel aside and of isolated vertices, at the full level (number 4).
+    Lone,
+    /// Materials, textures, samplers, names of images (number 5).
+    Appearance,
+    /// An image; segments count the images (number 6).
+    Image,
     /// A kind that this decoder does not know. It may skip those from [`FIRST_OPTIONAL_KIND`] on, and has to refuse a file
     /// with any other.
     Other(u8),
@@ -36,6 +42,9 @@ impl Kind {
             Kind::Levels => 1,
             Kind::Segment => 2,
             Kind::Aside => 3,
+            Kind::Lone => 4,
+            Kind::Appearance => 5,
+            Kind::Image => 6,
             Kind::Other(number) => number,
         }
     }
@@ -47,6 +56,9 @@ impl Kind {
             1 => Kind::Levels,
             2 => Kind::Segment,
             3 => Kind::Aside,
+            4 => Kind::Lone,
+            5 => Kind::Appearance,
+            6 => Kind::Image,
             number => Kind::Other(number),
         }
     }
@@ -59,6 +71,9 @@ impl fmt::Display for Kind {
             Kind::Levels => write!(f, "levels"),
             Kind::Segment => write!(f, "segment"),
             Kind::Aside => write!(f, "aside"),
+            Kind::Lone => write!(f, "lone values"),
+            Kind::Appearance => write!(f, "appearance"),
+            Kind::Image => write!(f, "image"),
             Kind::Other(KIND_SOURCE) => write!(f, "source"),
             Kind::Other(number) => write!(f, "kind {number}"),
         }
@@ -113,6 +128,21 @@ impl Chunk {
             memory: 0,
             payload,
         }
+    }
+
+    /// Values outside the complex.
+    pub fn lone(full_level: u32, payload: Vec<u8>) -> Self {
+        Chunk { kind: Kind::Lone, ..Chunk::aside(full_level, payload) }
+    }
+
+    /// Materials and what they refer to; `level` is the one that it stands behind.
+    pub fn appearance(level: u32, payload: Vec<u8>) -> Self {
+        Chunk { kind: Kind::Appearance, ..Chunk::aside(level, payload) }
+    }
+
+    /// Image `image` of `images`; `level` is the one that it stands behind.
+    pub fn image(level: u32, image: u32, images: u32, payload: Vec<u8>) -> Self {
+        Chunk { kind: Kind::Image, segment: image, segments: images, ..Chunk::aside(level, payload) }
     }
 
     /// The same chunk, with its need for working memory stated.
@@ -190,7 +220,7 @@ pub(super) fn check_order(header: &Header, chunks: &[ChunkInfo]) -> Result<Vec<u
     let mut needs = Vec::with_capacity(header.levels.len());
     // The last level, number of segments and next segment of a run of segments that is not finished.
     let mut open: Option<(u32, u32, u32)> = None;
-    let mut aside = false;
+    let (mut aside, mut lone, mut appearance, mut images) = (false, false, false, 0);
     for (index, c) in chunks.iter().enumerate() {
         let fail = |what| inconsistent(Place::Chunk(index), what);
         let next = needs.len() as u64;
@@ -203,7 +233,8 @@ pub(super) fn check_order(header: &Header, chunks: &[ChunkInfo]) -> Result<Vec<u
         if c.segment >= c.segments {
             return fail("a segment beyond the number of segments");
         }
-        if c.segments != 1 && matches!(c.kind, Kind::Base | Kind::Levels | Kind::Aside) {
+        if c.segments != 1 && matches!(c.kind, Kind::Base | Kind::Levels | Kind::Aside | Kind::Lone | Kind::Appearance)
+        {
             return fail("segments of a kind that has none");
         }
         match c.kind {
@@ -219,6 +250,32 @@ pub(super) fn check_order(header: &Header, chunks: &[ChunkInfo]) -> Result<Vec<u
                 if let Some(need) = needs.last_mut() {
                     *need = index + 1;
                 }
+                continue;
+            }
+            Kind::Lone => {
+                if next != levels || c.first_level as u64 + 1 != levels || lone || !header.attributes.lone {
+                    return fail(
+                        "values outside the complex have to follow the full level, once, where the header has them",
+                    );
+                }
+                lone = true;
+                if let Some(need) = needs.last_mut() {
+                    *need = index + 1;
+                }
+                continue;
+            }
+            Kind::Appearance => {
+                if appearance || !header.attributes.appearance {
+                    return fail("materials told twice, or where the header has none");
+                }
+                appearance = true;
+                continue;
+            }
+            Kind::Image => {
+                if c.segment != images || c.segments != header.attributes.images || !appearance {
+                    return fail("images out of order, or before the materials");
+                }
+                images += 1;
                 continue;
             }
             Kind::Base | Kind::Levels | Kind::Segment => {}
@@ -248,6 +305,10 @@ pub(super) fn check_order(header: &Header, chunks: &[ChunkInfo]) -> Result<Vec<u
     }
     if aside != (header.aside.elements > 0) {
         return inconsistent(Place::Header, "the chunk of the elements that travel aside is missing");
+    }
+    let announced = &header.attributes;
+    if lone != announced.lone || appearance != announced.appearance || images != announced.images {
+        return inconsistent(Place::Header, "a chunk of values, materials or images is missing");
     }
     Ok(needs)
 }

@@ -9,8 +9,8 @@ use super::chunk::{Chunk, ChunkInfo, Kind, check_order, memory_amount, memory_co
 use super::error::{ContainerError, Place, inconsistent};
 use super::header::Header;
 use super::{
-    KNOWN_REQUIRED, MAGIC, MAX_BODY, MEMORY_PER_CORNER, MEMORY_PER_ELEMENT, MEMORY_PER_NEW_VERTEX, MEMORY_PER_VERTEX,
-    VERSION, table,
+    KNOWN_REQUIRED, MAGIC, MAX_BODY, MEMORY_PER_CORNER, MEMORY_PER_ELEMENT, MEMORY_PER_LAYER_CORNER,
+    MEMORY_PER_NEW_VERTEX, MEMORY_PER_VERTEX, MEMORY_PER_WEDGE_COMPONENT, VERSION, table,
 };
 
 /// The front of a file, checked: what a client needs to plan.
@@ -28,6 +28,7 @@ pub struct Front {
 
 /// What came of reading a front.
 #[derive(Clone, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant)] // one at a time, and moved once
 pub enum Parsed {
     /// The file has to be known up to this many bytes at least.
     NeedBytes(u64),
@@ -182,6 +183,17 @@ impl Front {
         Ok(Some(payload))
     }
 
+    /// Check that `payload` is what the table says of chunk `index`, for one that was fetched apart.
+    ///
+    /// # Errors
+    /// [`ContainerError::ChunkDamaged`]; a chunk that is not there is [`ContainerError::Inconsistent`].
+    pub fn check_chunk(&self, index: usize, payload: &[u8]) -> Result<(), ContainerError> {
+        match self.chunks.get(index) {
+            Some(info) if info.length == payload.len() as u64 => verify(index, info, payload),
+            _ => inconsistent(Place::Chunk(index), "not a chunk of this file"),
+        }
+    }
+
     /// Check that the file, of `bytes` bytes, neither ends early nor goes on.
     ///
     /// # Errors
@@ -210,7 +222,18 @@ impl Front {
         }
         let levels =
             row.vertices as u64 * MEMORY_PER_VERTEX + elements * MEMORY_PER_ELEMENT + corners * MEMORY_PER_CORNER;
-        levels.saturating_add(self.working.get(level as usize).copied().unwrap_or(0))
+        let layers = &self.header.attributes.layers;
+        let mut attributes = 0u64;
+        for (layer, width) in layers.iter().zip(self.header.attributes.scheme().widths) {
+            let wedges = (layer.wedges as u64).min(corners);
+            attributes = attributes
+                .saturating_add(corners * MEMORY_PER_LAYER_CORNER)
+                .saturating_add(wedges * width as u64 * MEMORY_PER_WEDGE_COMPONENT);
+        }
+        if !self.header.attributes.is_bare() {
+            attributes = attributes.saturating_add(elements * MEMORY_PER_ELEMENT);
+        }
+        levels.saturating_add(attributes).saturating_add(self.working.get(level as usize).copied().unwrap_or(0))
     }
 
     /// Check, before anything is allocated by the counts of the file, that decoding up to `level` fits.

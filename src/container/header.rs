@@ -1,5 +1,6 @@
 //! What the front of a file says about the whole: lattice, bounds, counts, and one row per level.
 
+use super::attributes::AttributeHeader;
 use super::error::{ContainerError, Place, inconsistent};
 use crate::lattice::{COORDINATE_LIMIT, Lattice};
 
@@ -32,6 +33,8 @@ pub struct Header {
     pub aside: AsideCounts,
     /// One row per level, coarse to fine; at least one. The last is the full level.
     pub levels: Vec<LevelInfo>,
+    /// Layers, labels, materials.
+    pub attributes: AttributeHeader,
 }
 
 /// How many elements travel aside.
@@ -171,7 +174,7 @@ impl Header {
         if !fits(full.elements, elements) || !fits(full.corners, corners) {
             return header("a count beyond 2^32 - 2");
         }
-        Ok(())
+        self.attributes.validate(full.corners)
     }
 }
 

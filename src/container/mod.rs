@@ -11,6 +11,7 @@
 //! [`write()`] makes a file. [`Front::parse`] and [`Front::payload`] read one that lies in memory, [`Reader`] one that arrives
 //! in pieces.
 
+mod attributes;
 mod chunk;
 mod error;
 mod front;
@@ -20,6 +21,7 @@ mod table;
 #[cfg(test)]
 mod tests;
 
+pub use attributes::{AttributeHeader, Label, LayerHeader, MAX_LABELS, MAX_NAME};
 pub use chunk::{Chunk, ChunkInfo, FIRST_OPTIONAL_KIND, KIND_SOURCE, Kind};
 pub use error::{ContainerError, Place};
 pub use front::{Front, Parsed, with_chunk, write, write_front};
@@ -49,3 +51,10 @@ pub const MEMORY_PER_ELEMENT: u64 = 8;
 
 /// Bytes of memory that decoding takes for each corner of the finest level asked for.
 pub const MEMORY_PER_CORNER: u64 = 12;
+
+/// Bytes of memory that decoding takes for each corner of the finest level asked for and each layer of attributes, that of the level before
+/// it and of the batch included.
+pub const MEMORY_PER_LAYER_CORNER: u64 = 14;
+
+/// Bytes of memory that decoding takes for each component of each wedge.
+pub const MEMORY_PER_WEDGE_COMPONENT: u64 = 8;

@@ -4,6 +4,7 @@
 //! mesh of nine thousand vertices has fifty levels): each number is told as the difference from what the rows before it
 //! suggest, through adaptive models. `FORMAT.md`, "Container", says the same in words.
 
+use super::attributes;
 use super::chunk::{ChunkInfo, Kind, MAX_MEMORY_CODE, memory_amount, memory_code};
 use super::error::{ContainerError, Place, inconsistent};
 use super::header::{AsideCounts, ErrorBound, Header, LevelInfo, MAX_COUNT, MAX_LEVELS};
@@ -11,7 +12,7 @@ use crate::codec::range::{Bit, Coder, Decoder, Encoder, golomb};
 use crate::lattice::Lattice;
 
 /// Models of a number ≥ 0 of any size: a flag for zero, the position of its highest bit as a binary tree, the next bit.
-struct Number {
+pub(super) struct Number {
     zero: Bit,
     length: [Bit; 64],
     top: [Bit; 64],
@@ -22,7 +23,7 @@ impl Number {
         Number { zero: Bit::default(), length: [Bit::default(); 64], top: [Bit::default(); 64] }
     }
 
-    fn code<C: Coder>(&mut self, c: &mut C, value: u64) -> u64 {
+    pub(super) fn code<C: Coder>(&mut self, c: &mut C, value: u64) -> u64 {
         if c.bit(&mut self.zero, value == 0) {
             return 0;
         }
@@ -53,7 +54,7 @@ const SELDOM: u16 = 65_535 - OFTEN;
 const EVEN: u16 = 32_768;
 
 /// The low `bits` ≤ 64 bits of a value, all equally likely, from high to low in pieces of 32.
-fn raw<C: Coder>(c: &mut C, bits: u32, value: u64) -> u64 {
+pub(super) fn raw<C: Coder>(c: &mut C, bits: u32, value: u64) -> u64 {
     let value = if bits < 64 { value & ((1 << bits) - 1) } else { value };
     let high = if bits > 32 { (c.raw(bits - 32, (value >> 32) as u32) as u64) << 32 } else { 0 };
     high | c.raw(bits.min(32), value as u32) as u64
@@ -86,7 +87,7 @@ impl Difference {
 }
 
 /// A finite number by its bits: how many of its sixteen hexadecimal digits are left without the zeros at the end, then those.
-fn float<C: Coder>(c: &mut C, value: f64) -> f64 {
+pub(super) fn float<C: Coder>(c: &mut C, value: f64) -> f64 {
     let bits = value.to_bits();
     let digits = c.uniform(17, 16 - (bits.trailing_zeros() / 4).min(16));
     let drop = 64 - 4 * digits;
@@ -142,6 +143,7 @@ fn tables<C: Coder>(
     let missing = (full.vertices as u64).saturating_sub(known.map_or(0, |h| h.components) as u64);
     let components = count((full.vertices as u64).saturating_sub(size.code(c, missing)))?;
     let bounds = if full.vertices == 0 { None } else { Some(bounds(c, known)?) };
+    let attributes = attributes::code(c, &mut size, known.map(|h| &h.attributes))?;
     let header = Header {
         required: 0,
         optional: 0,
@@ -151,12 +153,13 @@ fn tables<C: Coder>(
         components,
         aside,
         levels,
+        attributes,
     };
     let chunks = chunks(c, chunk_count, given.map(|g| g.1))?;
     Ok((header, chunks))
 }
 
-fn count(value: u64) -> Result<u32, ContainerError> {
+pub(super) fn count(value: u64) -> Result<u32, ContainerError> {
     match u32::try_from(value) {
         Ok(v) if v <= MAX_COUNT => Ok(v),
         _ => inconsistent(Place::Header, "a count beyond 2^32 - 2"),

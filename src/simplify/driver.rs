@@ -6,7 +6,7 @@
 use super::history::{History, Stored};
 use super::{SelectInput, SelectOptions, select};
 use crate::codec::patch::mean_edge;
-use crate::complex::{Coarsened, Level, NONE, Placement, Star, coarsen};
+use crate::complex::{Attributes, Coarsened, Level, NONE, Placement, Star, coarsen};
 use crate::metric::{Carried, WeighInput, Weigher, dirty_vertices};
 use std::time::Instant;
 
@@ -34,8 +34,13 @@ impl Default for SimplifyOptions {
 /// Isolated vertices up to this many stay; of more, one in eight.
 const FEW: usize = 32;
 
-/// Simplify `level` down to its base. `progress` hears how many vertices are left.
-pub fn simplify(level: Level, options: &SimplifyOptions, progress: &(dyn Fn(u64) + Sync)) -> History {
+/// Simplify `level`, whose wedges are numbered by `attributes`, down to its base. `progress` hears how many vertices are left.
+pub fn simplify(
+    level: Level,
+    attributes: Attributes,
+    options: &SimplifyOptions,
+    progress: &(dyn Fn(u64) + Sync),
+) -> History {
     let total = level.positions.len();
     let (anchor, diagonal) = frame(&level.positions);
     let mut exact: Vec<[f32; 3]> =
@@ -47,6 +52,8 @@ pub fn simplify(level: Level, options: &SimplifyOptions, progress: &(dyn Fn(u64)
         vertex_slot: (0..total as u32).collect(),
         face_slot: (0..level.faces.len() as u32).collect(),
         base: level,
+        labels: attributes.labels.clone(),
+        attributes,
         batches: Vec::new(),
         edges_weighed: 0,
         seconds: [0.0; 3],
@@ -93,6 +100,13 @@ pub fn simplify(level: Level, options: &SimplifyOptions, progress: &(dyn Fn(u64)
         let placement = Placement { shift, alpha, bias: history.batches.len() as i32 & 1 };
         let c = coarsen(level, &star, &edges, &leaving, placement);
         let mut stored = Stored::new(&c, level, &history.vertex_slot, &history.face_slot, placement);
+        if !history.attributes.layers.is_empty() || !history.attributes.labels.is_empty() {
+            let fine = std::mem::take(&mut history.attributes);
+            let faces = &history.base.faces;
+            (history.attributes, stored.layers) =
+                super::wedges::follow(&c, faces, &star, fine, &history.face_slot, placement.bias);
+        }
+        let level = &history.base;
         exact = follow(&c, &exact, level);
         error = super::error::follow(&c, level, &star, &error, anchor);
         stored.error = error.iter().fold(0f32, |a, &b| a.max(b)) as f64;

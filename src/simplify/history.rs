@@ -3,7 +3,8 @@
 //! Vertices and elements go by *slots*: their numbers in the input, which a merged vertex inherits from one of its
 //! children. So a batch can be read in any numbering of its level, also in the one that a decoder will have.
 
-use crate::complex::{Coarsened, Level, Placement, Side};
+use super::wedges::StoredWedges;
+use crate::complex::{Attributes, Coarsened, Level, Placement, Side};
 
 /// A triangle that a split inserts, by slots.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,6 +48,8 @@ pub struct Stored {
     pub low_bits: Vec<(u32, [u16; 3])>,
     /// The bound on the error of the *coarser* level, in steps of the full level.
     pub error: f64,
+    /// What the batch does to each layer.
+    pub layers: Vec<StoredWedges>,
 }
 
 impl Stored {
@@ -122,6 +125,10 @@ pub struct History {
     pub vertex_slot: Vec<u32>,
     /// The slot of each of its elements.
     pub face_slot: Vec<u32>,
+    /// Its attributes: wedges by slots; the values of wedges that are gone are those that they went with.
+    pub attributes: Attributes,
+    /// The label of each element of the full level; empty where all have label 0.
+    pub labels: Vec<u16>,
     /// The batches, finest first.
     pub batches: Vec<Stored>,
     /// Edges weighed in all.

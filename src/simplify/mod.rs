@@ -6,6 +6,7 @@ mod history;
 mod order;
 mod replay;
 mod select;
+mod wedges;
 
 pub use driver::{SimplifyOptions, simplify};
 pub use history::{History, Stored, StoredTriangle};

@@ -5,7 +5,7 @@
 //! and renumbered where it pays. Positions, elements and all that follows are then in terms of the new numbers; the caller translates
 //! once, at the end. Meshes in good order keep it: what they encode to does not depend on this module.
 
-use crate::complex::{Faces, Level};
+use crate::complex::{Attributes, Faces, Level};
 use rayon::prelude::*;
 
 /// Numbers so far apart are far apart in memory.
@@ -15,8 +15,8 @@ const SMALL: usize = 1 << 16;
 /// Bits of each coordinate on the curve.
 const BITS: u32 = 21;
 
-/// Renumber a level if its order is scattered; then for each old vertex its new number.
-pub fn reorder(level: &mut Level) -> Option<Vec<u32>> {
+/// Renumber a level if its order is scattered; then for each old vertex its new number. Wedges keep their numbers.
+pub fn reorder(level: &mut Level, attributes: &mut Attributes) -> Option<Vec<u32>> {
     if level.positions.len() < SMALL || !is_scattered(&level.faces) {
         return None;
     }
@@ -39,6 +39,17 @@ pub fn reorder(level: &mut Level) -> Option<Vec<u32>> {
     };
     faces.start.push(0);
     order.iter().for_each(|&(_, f)| faces.push(level.faces.get(f)));
+    for layer in &mut attributes.layers {
+        let mut corner = Vec::with_capacity(layer.corner.len());
+        for &(_, f) in &order {
+            let (from, to) = (level.faces.start[f as usize] as usize, level.faces.start[f as usize + 1] as usize);
+            corner.extend_from_slice(&layer.corner[from..to]);
+        }
+        layer.corner = corner;
+    }
+    if !attributes.labels.is_empty() {
+        attributes.labels = order.iter().map(|&(_, f)| attributes.labels[f as usize]).collect();
+    }
     level.faces = faces;
     Some(place)
 }
@@ -129,17 +140,17 @@ mod tests {
     fn good_order_is_kept() {
         let mut level = grid(300, |i| i);
         let before = level.clone();
-        assert_eq!(reorder(&mut level), None);
+        assert_eq!(reorder(&mut level, &mut Attributes::default()), None);
         assert_eq!(level, before);
         // Too small to matter.
-        assert_eq!(reorder(&mut grid(100, |i| i * 7919 % 10_000)), None);
+        assert_eq!(reorder(&mut grid(100, |i| i * 7919 % 10_000), &mut Attributes::default()), None);
     }
 
     #[test]
     fn scattered_order_becomes_near_and_the_mesh_stays() {
         let mut level = grid(300, |i| (u64::from(i) * 7919 % 90_000) as u32);
         let before = level.clone();
-        let place = reorder(&mut level).unwrap();
+        let place = reorder(&mut level, &mut Attributes::default()).unwrap();
         assert!(!is_scattered(&level.faces));
         assert_eq!(shape(&level), shape(&before));
         for (old, p) in before.positions.iter().enumerate() {

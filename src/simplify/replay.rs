@@ -4,13 +4,17 @@
 //! top-down: this is why coding waits for the last collapse. It runs the decoder's own `refine`.
 
 use super::history::{History, Stored};
-use crate::codec::base::{ElementsError, code_elements};
+use crate::codec::base::{ElementsError, Origin, code_elements};
+use crate::codec::layers::{Dress, Keys, Scheme, Value, Wardrobe, code_base_layers};
 use crate::codec::patch::View;
 use crate::codec::points::{canonical_order, code_points};
 use crate::codec::range::{Coder, Encoder};
 use crate::codec::segment::{Nonsense, Scratch, Source};
 use crate::codec::stream::{Account, State, Task, code_segment, join, segment_range, segments};
-use crate::complex::{Batch, Inserted, Level, NEW, NONE, Refined, Side, Split, Star, Wanted, refine};
+use crate::complex::{
+    Attributes, Batch, Faces, Inserted, Level, NEW, NONE, Refined, Side, Split, Star, Wanted, Wedges, refine,
+    refine_attributes, touched,
+};
 use crate::par;
 use std::sync::atomic::AtomicU64;
 use thiserror::Error;
@@ -47,10 +51,18 @@ pub struct Replayed {
     pub account: Account,
     /// The number at the full level of each slot.
     pub number: Vec<u32>,
+    /// Wedges of each layer at the full level.
+    pub wedges: Vec<u32>,
 }
 
 /// Slots of the level at hand.
-struct Slots {
+struct Slots<'a> {
+    /// The slot of each wedge, layer by layer.
+    wedge: Vec<Vec<u32>>,
+    /// Width and the values of all slots at the finer level, layer by layer.
+    values: Vec<(usize, Vec<i32>)>,
+    /// The label of each element's slot.
+    labels: &'a [u16],
     vertex: Vec<u32>,
     face: Vec<u32>,
     /// The vertex of the level that has a slot.
@@ -59,6 +71,9 @@ struct Slots {
     split_of: Vec<u32>,
     low_bits: Vec<[u16; 3]>,
 }
+
+/// Wedges and the slots that a segment gave them, layer by layer, and how many new wedges it made in each.
+type Named = (Vec<Vec<(u32, u32)>>, Vec<u32>);
 
 /// A history that contradicts itself: a bug, not an input's fault.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -75,9 +90,14 @@ pub enum ReplayError {
 ///
 /// # Errors
 /// [`ReplayError`] for a history that `simplify` does not make.
-pub fn replay(history: &History, slots: usize, progress: &(dyn Fn(u64) + Sync)) -> Result<Replayed, ReplayError> {
+pub fn replay(
+    history: &History,
+    slots: usize,
+    scheme: &Scheme,
+    progress: &(dyn Fn(u64) + Sync),
+) -> Result<Replayed, ReplayError> {
     let mut out = Replayed::default();
-    let mut state = State::default();
+    let mut state = State::new(scheme);
     let mut coder = Encoder::new();
 
     // The base.
@@ -101,7 +121,15 @@ pub fn replay(history: &History, slots: usize, progress: &(dyn Fn(u64) + Sync)) 
     let limit = level.faces.corners.len();
     let origins = code_elements(&mut coder, &level.positions, &mut level.faces, limit)?;
     out.account.splits.connectivity += coder.bits() - start;
+    let start = coder.bits();
+    let mut attributes = base_attributes(history, &origins, &level.faces);
+    let names =
+        code_base_layers(&mut coder, scheme, count, &level.faces, &mut attributes).map_err(ReplayError::Stream)?;
+    out.account.splits.attributes += coder.bits() - start;
     let mut s = Slots {
+        wedge: names,
+        values: history.attributes.layers.iter().map(|l| (l.width, l.values.clone())).collect(),
+        labels: &history.labels,
         vertex: order.iter().map(|&v| history.vertex_slot[v as usize]).collect(),
         face: origins.iter().map(|o| history.face_slot[o.element as usize]).collect(),
         of_slot: vec![NONE; slots],
@@ -120,7 +148,7 @@ pub fn replay(history: &History, slots: usize, progress: &(dyn Fn(u64) + Sync)) 
     for (b, stored) in history.batches.iter().enumerate().rev() {
         let fine_level = (history.batches.len() - b) as u32;
         let error = if b == 0 { 0.0 } else { history.batches[b - 1].error };
-        let view = View::new(&level, &star);
+        let view = View::with(&level, &star, &attributes, scheme);
         let n = level.positions.len();
         let pieces = segments(n);
         if pieces > 1
@@ -133,10 +161,19 @@ pub fn replay(history: &History, slots: usize, progress: &(dyn Fn(u64) + Sync)) 
         let (more, room) = ((u64::MAX, u64::MAX), AtomicU64::new(u64::MAX));
         let task = |k: usize| {
             let r = segment_range(n, k, pieces);
-            Task { view, range: (r.start, r.end), first: k == 0, more, room: &room, shift: stored.shift }
+            Task {
+                view,
+                range: (r.start, r.end),
+                first: k == 0,
+                more,
+                room: &room,
+                shift: stored.shift,
+                bias: stored.placement.bias,
+            }
         };
         let mut swaps: Vec<(u32, bool)> = Vec::new();
         let mut birth_order: Vec<u32> = Vec::new();
+        let mut named: Vec<Named> = Vec::new();
         let batch;
         if pieces == 1 {
             let (coder, first, from) = run.get_or_insert_with(|| (Encoder::new(), fine_level, n));
@@ -145,6 +182,7 @@ pub fn replay(history: &History, slots: usize, progress: &(dyn Fn(u64) + Sync)) 
             code_segment(coder, &mut state, &mut scratch, &task(0), &mut reader, &mut part, &mut out.account)
                 .map_err(ReplayError::Stream)?;
             (swaps, birth_order) = (reader.swaps, reader.birth_order);
+            named.push((reader.named, fresh_wedges(&part, scheme)));
             batch = part;
             let fine = n + batch.len() + batch.births.len();
             let end = b == 0 || (fine >= SMALL && fine * 12 >= *from * growth(slots)) || segments(fine) > 1;
@@ -165,11 +203,11 @@ pub fn replay(history: &History, slots: usize, progress: &(dyn Fn(u64) + Sync)) 
                 let mut scratch = Scratch::default();
                 code_segment(&mut coder, &mut state, &mut scratch, &task(k), &mut reader, &mut part, &mut account)?;
                 let keep = (k == 0).then_some(state);
-                Ok::<_, Nonsense>((coder.finish(), keep, part, account, reader.swaps, reader.birth_order))
+                Ok::<_, Nonsense>((coder.finish(), keep, part, account, reader))
             });
             let mut batches = Vec::new();
             for (k, part) in parts.into_iter().enumerate() {
-                let (payload, keep, part, account, swap, births) = part.map_err(ReplayError::Stream)?;
+                let (payload, keep, part, account, reader) = part.map_err(ReplayError::Stream)?;
                 out.pieces.push(Piece {
                     first: fine_level,
                     last: fine_level,
@@ -178,18 +216,25 @@ pub fn replay(history: &History, slots: usize, progress: &(dyn Fn(u64) + Sync)) 
                 });
                 if let Some(keep) = keep {
                     state = keep;
-                    birth_order = births;
+                    birth_order = reader.birth_order;
                 }
                 out.account.points += account.points;
                 out.account.splits.connectivity += account.splits.connectivity;
                 out.account.splits.geometry += account.splits.geometry;
-                swaps.extend(swap);
+                out.account.splits.attributes += account.splits.attributes;
+                swaps.extend(reader.swaps);
+                named.push((reader.named, fresh_wedges(&part, scheme)));
                 batches.push(part);
             }
-            batch = join(batches, &level);
+            batch = join(batches, &level, &scheme.widths);
         }
+        let touched = if scheme.is_empty() { Vec::new() } else { touched(&level.faces, &star, &batch) };
         let refined = refine(&level, star, &batch, stored.placement.bias, Wanted { star: b > 0, element: true });
         s.descend(stored, &batch, &refined, &swaps, &birth_order);
+        if !scheme.is_empty() {
+            s.rename(&named);
+            attributes = refine_attributes(attributes, &level.faces, &touched, &batch, &refined);
+        }
         level = refined.level;
         star = if b > 0 { Star::fill(refined.star_start, &level.faces, true) } else { Star::default() };
         out.levels.push(row(&level, error));
@@ -198,11 +243,43 @@ pub fn replay(history: &History, slots: usize, progress: &(dyn Fn(u64) + Sync)) 
     if let Some((coder, first, _)) = run {
         out.pieces.push(Piece { first, last: history.batches.len() as u32, segment: None, payload: coder.finish() });
     }
+    out.wedges = attributes.layers.iter().map(|l| l.len() as u32).collect();
     out.number = vec![NONE; slots];
     for (v, &slot) in s.vertex.iter().enumerate() {
         out.number[slot as usize] = v as u32;
     }
     Ok(out)
+}
+
+/// The attributes of the base in the order of its coded elements, wedges still by slots.
+fn base_attributes(history: &History, origins: &[Origin], faces: &Faces) -> Attributes {
+    let old = &history.base.faces;
+    let corner = |layer: &Wedges| {
+        let mut out = Vec::with_capacity(faces.corners.len());
+        for o in origins {
+            let own = &layer.corner[old.start[o.element as usize] as usize..old.start[o.element as usize + 1] as usize];
+            out.extend((0..own.len()).map(|k| own[(o.rotation as usize + k) % own.len()]));
+        }
+        out
+    };
+    let a = &history.attributes;
+    Attributes {
+        layers: a
+            .layers
+            .iter()
+            .map(|l| Wedges { width: l.width, corner: corner(l), values: l.values.clone() })
+            .collect(),
+        labels: if a.labels.is_empty() {
+            Vec::new()
+        } else {
+            origins.iter().map(|o| a.labels[o.element as usize]).collect()
+        },
+    }
+}
+
+/// How many wedges a segment adds to each layer.
+fn fresh_wedges(part: &Batch, scheme: &Scheme) -> Vec<u32> {
+    part.attributes.layers.iter().zip(&scheme.widths).map(|(l, &w)| (l.fresh.len() / w.max(1)) as u32).collect()
 }
 
 impl Stored {
@@ -216,7 +293,7 @@ impl Stored {
     }
 }
 
-impl Slots {
+impl Slots<'_> {
     /// Note where the slots of the level are and which of them split.
     fn announce(&mut self, stored: &Stored, level: &Level) {
         for v in 0..level.positions.len() {
@@ -227,6 +304,25 @@ impl Slots {
         }
         for &(slot, low) in &stored.low_bits {
             self.low_bits[slot as usize] = low;
+        }
+        for ((width, values), layer) in self.values.iter_mut().zip(&stored.layers) {
+            for (&w, value) in layer.changed.iter().zip(layer.values.chunks_exact(*width)) {
+                values[w as usize * *width..][..*width].copy_from_slice(value);
+            }
+        }
+    }
+
+    /// Give the wedges of the finer level their slots; `named` has a list for each segment, and how many wedges it adds.
+    fn rename(&mut self, named: &[Named]) {
+        for (l, names) in self.wedge.iter_mut().enumerate() {
+            for (lists, fresh) in named {
+                let base = names.len();
+                names.resize(base + fresh.get(l).copied().unwrap_or(0) as usize, NONE);
+                for &(w, slot) in lists.get(l).into_iter().flatten() {
+                    let at = if w & NEW != 0 { base + (w & !NEW) as usize } else { w as usize };
+                    names[at] = slot;
+                }
+            }
         }
     }
 
@@ -287,7 +383,7 @@ impl Slots {
 
 /// Answers a coder's questions out of the history.
 struct Reader<'a> {
-    slots: &'a Slots,
+    slots: &'a Slots<'a>,
     stored: &'a Stored,
     view: &'a View<'a>,
     asked: u32,
@@ -295,11 +391,100 @@ struct Reader<'a> {
     swaps: Vec<(u32, bool)>,
     swap_of: Vec<(u32, bool)>,
     birth_order: Vec<u32>,
+    used: Vec<bool>,
+    /// Wedges and their slots at the finer level, layer by layer.
+    named: Vec<Vec<(u32, u32)>>,
 }
 
 impl<'a> Reader<'a> {
-    fn new(slots: &'a Slots, stored: &'a Stored, view: &'a View<'a>) -> Self {
-        Reader { slots, stored, view, asked: 0, swaps: Vec::new(), swap_of: Vec::new(), birth_order: Vec::new() }
+    fn new(slots: &'a Slots<'a>, stored: &'a Stored, view: &'a View<'a>) -> Self {
+        Reader {
+            slots,
+            stored,
+            view,
+            asked: 0,
+            swaps: Vec::new(),
+            swap_of: Vec::new(),
+            birth_order: Vec::new(),
+            used: Vec::new(),
+            named: vec![Vec::new(); view.scheme.widths.len()],
+        }
+    }
+}
+
+impl Wardrobe for Reader<'_> {
+    fn dress(&mut self, view: &View, v: u32, split: &Split, dress: &mut Dress) {
+        let Some(&(i, swapped)) = self.swaps.last() else { return };
+        let (i, s) = (i as usize, self.stored);
+        let star = view.star.get(v);
+        dress.layers.resize_with(s.layers.len(), Keys::default);
+        for (l, (layer, keys)) in s.layers.iter().zip(&mut dress.layers).enumerate() {
+            let wedges = &view.attributes.layers[l];
+            let changed = &layer.star[layer.star_start[i] as usize..layer.star_start[i + 1] as usize];
+            keys.star.clear();
+            for (&f, &side) in star.iter().zip(&split.sides) {
+                let slot = self.slots.face[f as usize];
+                let told = changed.iter().position(|e| e[0] == slot);
+                keys.star.push(match (told, side) {
+                    (Some(k), Side::Grow12 | Side::Grow21) => {
+                        let (one, two) = (changed[k][1], changed[k + 1][1]);
+                        if swapped { [two, one] } else { [one, two] }
+                    }
+                    (Some(k), _) => [changed[k][1]; 2],
+                    (None, _) => {
+                        let faces = &view.level.faces;
+                        let at = faces.get(f).iter().position(|&x| x == v).unwrap_or(0);
+                        let w = wedges.corner[faces.start[f as usize] as usize + at];
+                        [if w == NONE { NONE } else { self.slots.wedge[l][w as usize] }; 2]
+                    }
+                });
+            }
+            keys.inserted.clear();
+        }
+        dress.labels.clear();
+        let first = s.triangle_start[i] as usize;
+        let list = &s.triangles[first..s.triangle_start[i + 1] as usize];
+        let label = |slot: u32| self.slots.labels.get(slot as usize).copied().unwrap_or(0);
+        self.used.clear();
+        self.used.resize(list.len(), false);
+        for t in &split.triangles {
+            let apex = self.slots.vertex[t.apex as usize];
+            let found = (0..list.len())
+                .find(|&j| !self.used[j] && list[j].apex == apex && (list[j].reversed ^ swapped) == t.reversed);
+            let Some(j) = found else { continue };
+            self.used[j] = true;
+            dress.labels.push(label(list[j].slot));
+            for (layer, keys) in s.layers.iter().zip(&mut dress.layers) {
+                let [one, two, apex] = layer.triangles[first + j];
+                keys.inserted.push(if swapped { [two, one, apex] } else { [one, two, apex] });
+            }
+        }
+        for e in s.edge_start[i] as usize..s.edge_start[i + 1] as usize {
+            dress.labels.push(label(s.edges[e]));
+            for (layer, keys) in s.layers.iter().zip(&mut dress.layers) {
+                let [one, two] = layer.edges[e];
+                keys.inserted.push(if swapped { [two, one, NONE] } else { [one, two, NONE] });
+            }
+        }
+    }
+
+    fn key(&self, layer: usize, w: u32) -> u32 {
+        self.slots.wedge[layer].get(w as usize).copied().unwrap_or(NONE)
+    }
+
+    fn value(&self, layer: usize, key: u32) -> Value {
+        let (width, values) = &self.slots.values[layer];
+        let mut out = Value::default();
+        if let Some(value) = values.get(key as usize * width..(key as usize + 1) * width) {
+            out[..*width].copy_from_slice(value);
+        }
+        out
+    }
+
+    fn named(&mut self, layer: usize, w: u32, key: u32) {
+        if w & NEW != 0 || self.slots.wedge[layer][w as usize] != key {
+            self.named[layer].push((w, key));
+        }
     }
 }
 

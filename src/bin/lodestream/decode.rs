@@ -138,7 +138,13 @@ pub fn run(args: &Args) -> Result<Outcome> {
             warnings.push(cut.to_string());
         }
         let Some(level) = reached.level else { bail!("{name}: no level could be decoded") };
-        if level == stream.front().full_level() {
+        // An image is as good at any level; what was asked not to be read is not.
+        let limit = args.choice.max_bytes.unwrap_or(u64::MAX);
+        let (there, all) = stream.pictures(&mut reached.decoder, limit)?;
+        if there < all {
+            warnings.push(format!("{} of {all} images are not among the bytes read and are left out", all - there));
+        }
+        if level == stream.front().full_level() && args.choice.max_bytes.is_none() {
             match stream.check_end() {
                 Err(error) if args.strict => return Err(error),
                 Err(error) => warnings.push(error.root_cause().to_string()),

@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use clap::ValueEnum;
 use lodestream::encode::{self, EncodeOptions, EncodeReport, Encoded, Progress, Stage};
 use lodestream::lattice::Quantization;
-use lodestream::mesh::Mesh;
+use lodestream::quantizer::Precision;
 use lodestream::read::{DropSet, ReadMesh, ReadOptions};
 use serde_json::{Value, json};
 use std::io::{BufWriter, Write};
@@ -33,6 +33,8 @@ pub struct Args {
     /// Never move a vertex of a border, so that tiles fit at every level
     #[arg(long)]
     lock_borders: bool,
+    #[command(flatten)]
+    precision: PrecisionArgs,
     #[command(flatten)]
     weld: WeldArgs,
     /// Leave out attributes, materials or the bytes of images
@@ -70,6 +72,42 @@ impl LatticeArgs {
         match self.position_step {
             Some(step) => Quantization::Step { step, origin: self.origin },
             None => Quantization::Bits(self.position_bits.unwrap_or(12)),
+        }
+    }
+}
+
+/// How exactly attributes are kept.
+#[derive(clap::Args)]
+pub struct PrecisionArgs {
+    /// Bits of texture coordinates along the longest side of their box, 1 to 24 [default: 12]
+    #[arg(long, value_name = "BITS", value_parser = clap::value_parser!(u8).range(1..=24), conflicts_with = "uv_step")]
+    uv_bits: Option<u8>,
+    /// The distance of neighbouring texture coordinates, as in 0.000244140625 for a texture of 4096 pixels
+    #[arg(long, value_name = "STEP", value_parser = parse_step, allow_negative_numbers = true)]
+    uv_step: Option<f64>,
+    /// Bits of each of the two numbers of a normal or tangent, 2 to 16
+    #[arg(long, value_name = "BITS", value_parser = clap::value_parser!(u8).range(2..=16), default_value = "10")]
+    normal_bits: u8,
+    /// Bits of each component of a colour, 1 to 16
+    #[arg(long, value_name = "BITS", value_parser = clap::value_parser!(u8).range(1..=16), default_value = "8")]
+    color_bits: u8,
+    /// Bits on the range of any other attribute, 1 to 24; whole numbers stay whole
+    #[arg(long, value_name = "BITS", value_parser = clap::value_parser!(u8).range(1..=24), default_value = "16")]
+    scalar_bits: u8,
+}
+
+impl PrecisionArgs {
+    pub fn options(&self, quantization: Quantization, lock_borders: bool) -> EncodeOptions {
+        EncodeOptions {
+            quantization,
+            lock_borders,
+            uv: match self.uv_step {
+                Some(step) => Precision::Step(step),
+                None => Precision::Bits(self.uv_bits.unwrap_or(12)),
+            },
+            normal_bits: self.normal_bits,
+            color_bits: self.color_bits,
+            scalar_bits: self.scalar_bits,
         }
     }
 }
@@ -154,7 +192,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
     let output = Output::create(&args.output)?;
     let map = args.map.as_deref().map(Output::create).transpose()?;
     let bars = Bars::new(!args.json);
-    let options = EncodeOptions { quantization: args.lattice.quantization(), lock_borders: args.lock_borders };
+    let options = args.precision.options(args.lattice.quantization(), args.lock_borders);
     let name = shared::name(&args.input.path);
     args.machine.run(|threads| {
         let read_options = ReadOptions {
@@ -164,8 +202,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
         };
         let read = args.input.read(&read_options)?;
         let read_seconds = shared::seconds(start);
-        let mut warnings: Vec<String> = read.warnings.iter().map(ToString::to_string).collect();
-        warnings.extend(not_kept(&read.mesh));
+        let warnings: Vec<String> = read.warnings.iter().map(ToString::to_string).collect();
         warnings.iter().for_each(|w| shared::warn(format!("{name}: {w}")));
         let progress = |p: Progress| bars.show(stage_name(p.stage), p.done, p.total);
         let encoded = encode::encode(&read.mesh, &options, &progress).with_context(|| name.clone())?;
@@ -191,16 +228,6 @@ pub fn run(args: &Args) -> Result<Outcome> {
         }
         Ok(Outcome::Done)
     })
-}
-
-/// What readers give and the format has no place for yet.
-fn not_kept(mesh: &Mesh) -> Vec<String> {
-    let layer = |l: &lodestream::mesh::Layer| format!("`{}` is not kept yet ({} values left out)", l.name, l.len());
-    let mut out: Vec<String> = mesh.layers.iter().map(layer).collect();
-    if !mesh.appearance.is_empty() {
-        out.push("materials and images are not kept yet".to_string());
-    }
-    out
 }
 
 /// One line per vertex record of the input: the vertex it has become.
@@ -231,6 +258,9 @@ fn account(encoded: &Encoded, seconds: [f64; 3]) -> Value {
             "header": kind(report.bits.header),
             "points": kind(report.bits.points),
             "aside": kind(report.bits.aside),
+            "attributes": kind(report.bits.attributes),
+            "appearance": kind(report.bits.appearance),
+            "images": kind(report.bits.images),
         },
         "levels": report.levels,
         "edges_weighed": report.edges_weighed,
@@ -259,6 +289,9 @@ fn summary(report: &EncodeReport, bytes: u64, [read, write, total]: [f64; 3]) ->
         ("geometry", report.bits.geometry),
         ("points", report.bits.points),
         ("aside", report.bits.aside),
+        ("attributes", report.bits.attributes),
+        ("materials", report.bits.appearance),
+        ("images", report.bits.images),
         ("header", report.bits.header),
     ];
     let kinds: Vec<String> = kinds

@@ -34,6 +34,9 @@ fn kind_name(kind: Kind) -> &'static str {
         Kind::Levels => "levels",
         Kind::Segment => "segment",
         Kind::Aside => "aside",
+        Kind::Lone => "lone",
+        Kind::Appearance => "appearance",
+        Kind::Image => "image",
         _ => "other",
     }
 }

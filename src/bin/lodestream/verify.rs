@@ -6,8 +6,8 @@ use crate::shared::{self, Machine};
 use crate::stream::Stream;
 use anyhow::{Context, Result, bail};
 use lodestream::compare::{self, Difference};
-use lodestream::lattice::Lattice;
-use lodestream::mesh::Mesh;
+use lodestream::container::Header;
+use lodestream::mesh::{Layer, Mesh};
 use lodestream::read::{Format, ReadOptions};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -67,12 +67,13 @@ pub fn run(args: &Args) -> Result<Outcome> {
         if let Some(cut) = reached.cut {
             return Err(cut).context(name.clone());
         }
+        stream.pictures(&mut reached.decoder, u64::MAX)?;
         stream.check_end()?;
         let mesh = reached.decoder.to_mesh();
         mesh.validate().with_context(|| format!("{name}: the full level"))?;
         let (levels, chunks) = (rows.len(), stream.front().chunks().len());
-        let lattice = stream.front().header().lattice;
-        let verdict = args.against.as_deref().map(|source| against(args, source, &mesh, &lattice)).transpose()?;
+        let header = stream.front().header();
+        let verdict = args.against.as_deref().map(|source| against(args, source, &mesh, header)).transpose()?;
         let test = match &verdict {
             None => None,
             Some(v) if v.complete => Some("complete, through the vertex map"),
@@ -89,6 +90,8 @@ pub fn run(args: &Args) -> Result<Outcome> {
                 "sound": true,
                 "test": test,
                 "equal": verdict.as_ref().map(|v| v.difference.is_none()),
+                "layers": mesh.layers.iter().map(|l| &l.name).collect::<Vec<_>>(),
+                "not_kept": verdict.as_ref().map(|v| &v.not_kept),
                 "difference": difference.as_ref().map(ToString::to_string),
                 "seconds": { "total": shared::seconds(start) },
                 "peak_memory_bytes": shared::peak_memory(),
@@ -101,8 +104,16 @@ pub fn run(args: &Args) -> Result<Outcome> {
             let mut rows = vec![("file", sound)];
             if let Some(test) = test {
                 rows.push(("test", test.to_string()));
-                let equal = format!("all {} vertices and {} faces are equal", mesh.vertex_count(), mesh.face_count());
+                let layers = match mesh.layers.len() {
+                    0 => String::new(),
+                    n => format!(", with {n} attribute layer{}", if n == 1 { "" } else { "s" }),
+                };
+                let (vertices, faces) = (mesh.vertex_count(), mesh.face_count());
+                let equal = format!("all {vertices} vertices and {faces} faces{layers} are equal");
                 rows.push(("source", if difference.is_none() { equal } else { "NOT equal".to_string() }));
+            }
+            if let Some(v) = verdict.as_ref().filter(|v| !v.not_kept.is_empty()) {
+                rows.push(("not kept", v.not_kept.join(", ")));
             }
             shared::print(&shared::table(&rows))?;
         }
@@ -117,9 +128,21 @@ struct Verdict {
     /// Whether the comparison went through the map.
     complete: bool,
     difference: Option<Difference>,
+    /// Attributes of the source that the file leaves out.
+    not_kept: Vec<String>,
 }
 
-fn against(args: &Args, source: &Path, decoded: &Mesh, lattice: &Lattice) -> Result<Verdict> {
+fn against(args: &Args, source: &Path, decoded: &Mesh, header: &Header) -> Result<Verdict> {
+    let lattice = &header.lattice;
+    let layers = &header.attributes.layers;
+    // Equal are values with equal integers; a direction on the rim of its square has two, of which one is what comes back.
+    let key = |n: usize, layer: &Layer, value: &[f64]| {
+        let (quantizer, kind) = (layers[n].quantizer, layer.kind);
+        let mut back = [0.0; 4];
+        let back = &mut back[..layer.width as usize];
+        quantizer.restore(kind, &quantizer.quantize(kind, value), back);
+        quantizer.quantize(kind, back).map(i64::from)
+    };
     if shared::is_dash(source) && shared::is_dash(&args.input) {
         bail!("the file and its source cannot both come from standard input");
     }
@@ -132,8 +155,11 @@ fn against(args: &Args, source: &Path, decoded: &Mesh, lattice: &Lattice) -> Res
         let map = read_map(path)?;
         let mut mesh = read(Some(false))?.mesh;
         drop_welded_edges(&mut mesh, &map);
-        let difference = compare::by_map(&mesh, decoded, lattice, &map).err();
-        return Ok(Verdict { complete: true, difference });
+        let not_kept = leave_out(&mut mesh, decoded);
+        let difference = compare::by_map(&mesh, decoded, lattice, &map)
+            .and_then(|()| compare::attributes_by_map(&mesh, decoded, &map, &key))
+            .err();
+        return Ok(Verdict { complete: true, difference, not_kept });
     }
     // Whether the encoder was told to weld the file does not say; the number of vertices does.
     let mut mesh = read(None)?.mesh;
@@ -146,7 +172,34 @@ fn against(args: &Args, source: &Path, decoded: &Mesh, lattice: &Lattice) -> Res
             }
         }
     }
-    Ok(Verdict { complete: false, difference: compare::by_position(&mesh, decoded, lattice).err() })
+    let not_kept = leave_out(&mut mesh, decoded);
+    let difference = compare::by_position(&mesh, decoded, lattice)
+        .and_then(|()| compare::attributes_by_position(&mesh, decoded, lattice, &key))
+        .err();
+    Ok(Verdict { complete: false, difference, not_kept })
+}
+
+/// Take from a source what its encoder was told to drop, and name it.
+fn leave_out(source: &mut Mesh, decoded: &Mesh) -> Vec<String> {
+    let mut names = Vec::new();
+    source.layers.retain(|layer| {
+        let kept = decoded.layers.iter().any(|l| (&l.name, l.kind) == (&layer.name, layer.kind));
+        if !kept {
+            names.push(layer.name.clone());
+        }
+        kept
+    });
+    if decoded.appearance.is_empty() && !source.appearance.is_empty() {
+        names.push("materials".to_string());
+        source.appearance = Default::default();
+        source.material = Vec::new();
+    }
+    let images = |m: &Mesh| m.appearance.images.iter().any(|i| !i.bytes.is_empty());
+    if images(source) && !images(decoded) {
+        names.push("images".to_string());
+        source.appearance.images.iter_mut().for_each(|i| i.bytes = Vec::new());
+    }
+    names
 }
 
 /// An edge whose ends were welded is a point: readers leave it out, so it is no difference.

@@ -38,6 +38,7 @@ fn scan(levels: usize, vertices: u32, seed: u32) -> Header {
     }
     let _ = corners;
     Header {
+        attributes: Default::default(),
         required: 0,
         optional: 0,
         lattice: Lattice { origin: [-0.18913f32 as f64, 0.03299f32 as f64, -0.0618f32 as f64], step: 0.25057 / 4095.0 },
@@ -195,6 +196,7 @@ fn a_level_is_found_by_size_or_error() {
 fn nothing_and_one_vertex_come_back() {
     for vertices in [0, 1] {
         let header = Header {
+            attributes: Default::default(),
             bounds: (vertices > 0).then_some([[3, -4, 5]; 2]),
             components: vertices,
             position_bits: None,
@@ -452,6 +454,7 @@ fn claims_are_checked_before_memory_is_taken() {
 #[test]
 fn the_example_of_the_format_text_is_what_is_written() {
     let header = Header {
+        attributes: Default::default(),
         required: 0,
         optional: 0,
         lattice: Lattice { origin: [0.0; 3], step: 1.0 },

@@ -35,6 +35,7 @@ fn any_file() -> impl Strategy<Value = (Header, Vec<Chunk>)> {
         levels.last_mut().unwrap().shift = 0;
         let with_aside = aside.0 > 0 && v > 0;
         let header = Header {
+            attributes: Default::default(),
             required: 0,
             optional: aside.2,
             lattice: Lattice { origin: [f[0], f[1], f[2]], step: if f[3] == 0.0 { 1.0 } else { f[3].abs() } },
@@ -194,6 +195,7 @@ proptest! {
             .collect();
         let lattice = lattice.map(f64::from_bits);
         let header = Header {
+            attributes: Default::default(),
             lattice: Lattice { origin: [lattice[0], lattice[1], lattice[2]], step: lattice[3] },
             levels,
             ..scan(3, 100, 1)

@@ -1,0 +1,232 @@
+//! The values of the wedges around the children of a split, and their numbers.
+
+use super::super::range::Coder;
+use super::super::segment::{Nonsense, Source};
+use super::structure::{Group, Job, LayerScratch, Local};
+use super::values::{Far, VALUE_LIMIT, Value, WIDTH, code_far, code_pair, code_reach, similar};
+use crate::complex::placement::sub;
+use crate::complex::{MAX_WEDGES, NEW, NONE, WedgeBatch, first_of_middle, middle};
+
+fn within(value: &Value) -> Result<(), Nonsense> {
+    if value.iter().any(|c| c.unsigned_abs() > VALUE_LIMIT as u32) {
+        return Err(Nonsense("a value out of range"));
+    }
+    Ok(())
+}
+
+impl<C: Coder> Job<'_, C> {
+    pub(super) fn halfway(&self, a: Value, b: Value) -> Value {
+        let mut m = [0; WIDTH];
+        for c in 0..self.wedges.width {
+            m[c] = middle(a[c], b[c], self.bias);
+        }
+        m
+    }
+
+    /// The children's values of a pair around their middle `m`.
+    fn pair(&mut self, w: u32, m: Value, a: Value, b: Value) -> (Value, Value) {
+        let difference = std::array::from_fn(|c| a[c].wrapping_sub(b[c]));
+        let level = self.view.level;
+        let d = code_pair(
+            self.coder,
+            self.values,
+            &level.positions,
+            &level.faces.corners,
+            self.wedges,
+            self.patch,
+            self.frame,
+            self.spokes,
+            w,
+            difference,
+        );
+        let mut one = [0; WIDTH];
+        for c in 0..self.wedges.width {
+            one[c] = first_of_middle(m[c], d[c], self.bias);
+        }
+        (one, std::array::from_fn(|c| one[c].wrapping_sub(d[c])))
+    }
+
+    /// Values and numbers of all wedges.
+    pub(super) fn settle<S: Source>(
+        &mut self,
+        s: &mut LayerScratch,
+        source: &mut S,
+        out: &mut WedgeBatch,
+        regular: bool,
+    ) -> Result<(), Nonsense> {
+        let width = self.wedges.width;
+        if !C::DECODING {
+            for local in &mut s.locals {
+                local.value = source.value(self.l, local.key);
+            }
+        }
+        for g in 0..s.groups.len() {
+            let Group { w, last, count, .. } = s.groups[g];
+            let own = self.own_value(w);
+            let mut main = last;
+            if !regular {
+                for child in 0..2 {
+                    if count[child] > 1 {
+                        main[child] = self.main(s, last, count, child, own);
+                    }
+                }
+            }
+            let value = |s: &LayerScratch, local: u32| if local == NONE { own } else { s.locals[local as usize].value };
+            let (a, b) = (value(s, main[0]), value(s, main[1]));
+            match main {
+                [NONE, NONE] => continue,
+                [NONE, one] | [one, NONE] => {
+                    s.locals[one as usize].id = w;
+                    let v = s.locals[one as usize].value;
+                    if regular || self.coder.bit(&mut self.structure.kept, v == own) {
+                        s.locals[one as usize].value = own;
+                    } else {
+                        let v = code_far(self.coder, self.values, Far::Same, own, v);
+                        within(&v)?;
+                        s.locals[one as usize].value = v;
+                        out.changed.push(w);
+                        out.changed_values.extend_from_slice(&v[..width]);
+                    }
+                }
+                [one, two] => {
+                    let halfway = regular || {
+                        let halfway = self.halfway(a, b) == own;
+                        self.coder.bit(&mut self.structure.middle, halfway)
+                    };
+                    let (a, b) = if halfway {
+                        self.pair(w, own, a, b)
+                    } else {
+                        let a = code_far(self.coder, self.values, Far::Same, own, a);
+                        (a, code_far(self.coder, self.values, Far::Same, a, b))
+                    };
+                    within(&a)?;
+                    within(&b)?;
+                    s.locals[one as usize].value = a;
+                    s.locals[one as usize].id = w;
+                    out.changed.push(w);
+                    out.changed_values.extend_from_slice(&a[..width]);
+                    s.locals[two as usize].value = b;
+                    s.locals[two as usize].id = fresh(out, width, &b)?;
+                }
+            }
+            s.groups[g].main = main;
+        }
+        if !regular {
+            // Further wedges out of a group lie near the main one of the same child; those of a chart that begins, beside each other.
+            let mut begun = false;
+            for i in 0..s.locals.len() {
+                let Local { group, child, .. } = s.locals[i];
+                let (from, guess) = if group == NONE {
+                    (if begun { Far::Edge } else { Far::Last }, self.values.last)
+                } else {
+                    let main = s.groups[group as usize].main[child as usize];
+                    if main == i as u32 {
+                        continue;
+                    }
+                    (Far::Same, s.locals[main as usize].value)
+                };
+                begun = group == NONE && !begun;
+                let v = code_far(self.coder, self.values, from, guess, s.locals[i].value);
+                within(&v)?;
+                s.locals[i].value = v;
+                s.locals[i].id = fresh(out, width, &v)?;
+            }
+            for k in 0..s.fresh.len() {
+                let (x, key, name, _) = s.fresh[k];
+                let v = if C::DECODING { [0; WIDTH] } else { source.value(self.l, key) };
+                let v = self.apex_value(s, x, name, v);
+                within(&v)?;
+                let id = fresh(out, width, &v)?;
+                s.inserted.iter_mut().filter(|t| t[2] == name).for_each(|t| t[2] = id);
+                s.fresh[k].2 = id;
+            }
+        }
+        if !C::DECODING {
+            s.locals.iter().for_each(|local| source.named(self.l, local.id, local.key));
+            s.fresh.iter().for_each(|f| source.named(self.l, f.2, f.1));
+        }
+        Ok(())
+    }
+
+    /// A new value at the apex `x`: by the fit around the wedge that its triangle continues, else by the shape of the triangle.
+    fn apex_value(&mut self, s: &LayerScratch, x: u32, name: u32, value: Value) -> Value {
+        let level = self.view.level;
+        let r = sub(level.positions[x as usize], self.patch.at);
+        let Some(t) = s.inserted.iter().position(|t| t[2] == name) else {
+            let last = self.values.last;
+            return code_far(self.coder, self.values, Far::Last, last, value);
+        };
+        let [one, two] = [s.inserted[t][0], s.inserted[t][1]].map(|local| s.locals[local as usize]);
+        if one.group != NONE {
+            let w = s.groups[one.group as usize].w;
+            return code_reach(
+                self.coder,
+                self.values,
+                &level.positions,
+                &level.faces.corners,
+                self.wedges,
+                self.patch,
+                self.frame,
+                self.spokes,
+                w,
+                r,
+                value,
+            );
+        }
+        // The children lie half their difference to either side.
+        let e = self.frame.delta.map(|c| -2 * c as i64);
+        let f = std::array::from_fn(|k| 2 * r[k] - self.frame.delta[k] as i64);
+        let left = self.split.triangles.get(t).is_some_and(|t| !t.reversed);
+        let width = self.wedges.width;
+        let mut guess = similar(e, f, one.value, two.value, width, left);
+        if width == 2 {
+            let other = similar(e, f, one.value, two.value, width, !left);
+            let far = |g: Value| (0..2).map(|c| (value[c] as i64 - g[c] as i64).abs()).sum::<i64>();
+            let mirrored = !C::DECODING && far(other) < far(guess);
+            if self.coder.bit(&mut self.structure.mirrored, mirrored) {
+                guess = other;
+            }
+        }
+        code_far(self.coder, self.values, Far::Corner, guess, value)
+    }
+
+    /// Which of several wedges of a group is the main one of a child: for an encoder one that leaves the middle where it is.
+    fn main(&mut self, s: &LayerScratch, last: [u32; 2], count: [u32; 2], child: usize, own: Value) -> u32 {
+        let chain = |mut at: u32| {
+            std::iter::from_fn(move || {
+                let here = (at != NONE).then_some(at)?;
+                at = s.locals[here as usize].before;
+                Some(here)
+            })
+        };
+        let mut index = 0;
+        if !C::DECODING {
+            let other = 1 - child;
+            let good = |i: u32| {
+                let v = s.locals[i as usize].value;
+                if last[other] == NONE {
+                    return v == own;
+                }
+                chain(last[other]).take(64).any(|j| {
+                    let u = s.locals[j as usize].value;
+                    self.halfway(if child == 0 { v } else { u }, if child == 0 { u } else { v }) == own
+                })
+            };
+            index = chain(last[child]).position(good).unwrap_or(0) as u32;
+        }
+        if !self.coder.bit(&mut self.structure.main, index == 0) {
+            index = 1 + self.coder.uniform(count[child] - 1, index.saturating_sub(1));
+        }
+        chain(last[child]).nth(index as usize).unwrap_or(last[child])
+    }
+}
+
+/// A new wedge.
+fn fresh(out: &mut WedgeBatch, width: usize, value: &Value) -> Result<u32, Nonsense> {
+    let number = out.fresh.len() / width;
+    if number >= MAX_WEDGES >> 1 {
+        return Err(Nonsense("more wedges than a layer can have"));
+    }
+    out.fresh.extend_from_slice(&value[..width]);
+    Ok(NEW | number as u32)
+}
