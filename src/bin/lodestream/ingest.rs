@@ -1,11 +1,10 @@
 //! `lodestream ingest`: folders and buckets full of meshes into `.lods` files.
 
 use crate::Outcome;
-use crate::encode::{LatticeArgs, WeldArgs, stage_name};
+use crate::encode::{LatticeArgs, PrecisionArgs, WeldArgs, stage_name};
 use crate::ingest_progress::{LogFormat, Watch};
 use crate::shared::{self, Device, parse_size};
 use anyhow::{Result, anyhow};
-use lodestream::encode::EncodeOptions;
 use lodestream::ingest::{self, DROP_NAMES, IngestError, OnError, Plan, Retries, Settings, Shard, Summary};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -35,6 +34,8 @@ pub struct Args {
     manifest: Option<PathBuf>,
     #[command(flatten)]
     lattice: LatticeArgs,
+    #[command(flatten)]
+    precision: PrecisionArgs,
     /// Never move a vertex of a border, so that tiles fit at every level
     #[arg(long)]
     lock_borders: bool,
@@ -111,7 +112,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
     let mut plan = Plan::new(args.sources.clone(), &args.output);
     plan.manifest.clone_from(&args.manifest);
     plan.settings = Settings {
-        encode: EncodeOptions { quantization: args.lattice.quantization(), lock_borders: args.lock_borders },
+        encode: args.precision.options(args.lattice.quantization(), args.lock_borders),
         weld: args.weld.choice(),
         drop: ingest::drop_set(args.drop.iter().map(String::as_str)).unwrap_or_default(),
     };
