@@ -18,9 +18,14 @@ impl Memory {
         Memory { limit, used: 0 }
     }
 
+    /// Whether so many bytes are free.
+    pub fn fits(&self, bytes: u64) -> bool {
+        bytes <= self.limit.saturating_sub(self.used)
+    }
+
     /// Charge `bytes` if they are free.
     pub fn take(&mut self, bytes: u64) -> bool {
-        let fits = bytes <= self.limit.saturating_sub(self.used);
+        let fits = self.fits(bytes);
         if fits {
             self.used += bytes;
         }

@@ -30,7 +30,7 @@ const SMALL: u64 = 1 << 20;
 /// Bytes of an object that a survey before fetching looks at.
 const HEAD: u64 = 1 << 18;
 /// Memory beside the jobs: stacks, lists, buffers.
-const ASIDE: u64 = 2 << 20;
+const ASIDE: u64 = 3 << 20;
 
 struct State {
     pending: BTreeMap<(u64, Reverse<u64>), Job>,
@@ -64,6 +64,8 @@ struct Shared<'a> {
     most_in_hand: usize,
     /// Bytes for all files together.
     allowed: u64,
+    /// Bytes that the program takes without them.
+    base: u64,
 }
 
 /// Ingest everything that the plan names.
@@ -116,6 +118,7 @@ pub fn run(plan: &Plan, observer: &dyn Observer) -> Result<Summary, IngestError>
         dest,
         most_in_hand,
         allowed,
+        base,
     };
     let cores = Cores::new(threads);
     let around = Surroundings {
@@ -377,8 +380,13 @@ fn pick(shared: &Shared<'_>, state: &mut State) -> Option<Job> {
         return None;
     }
     let largest = *state.pending.last_key_value()?.0;
+    // What the allocator keeps of files that are done counts too, unless nothing is left that could give it back.
+    let kept = match state.active {
+        0 => 0,
+        _ => predict::resident().saturating_sub(shared.base.saturating_add(state.charged)),
+    };
     let State { pending, memory, .. } = state;
-    let key = *pending.keys().rev().find(|key| memory.take(key.0))?;
+    let key = *pending.keys().rev().find(|key| memory.fits(key.0.saturating_add(kept)) && memory.take(key.0))?;
     if key != largest {
         if state.passed >= 8 * shared.most_in_hand {
             // Others have passed it often enough.
