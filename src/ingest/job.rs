@@ -11,7 +11,7 @@ use crate::compare;
 use crate::container::{Front, Parsed};
 use crate::decode::{DecodeOptions, Decoder, Step};
 use crate::encode::{self, EncodeError};
-use crate::read::{self, DropSet, Format, ReadError, ReadErrorKind, ReadMesh, ReadOptions, Survey};
+use crate::read::{self, Format, ReadError, ReadErrorKind, ReadMesh, ReadOptions, Survey};
 use rayon::ThreadPool;
 use serde::Serialize;
 use std::io::Cursor;
@@ -19,10 +19,6 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
-
-/// Whether the format keeps attributes, materials and images. While it does not, they are not read either: they would take
-/// memory, which `predict` knows nothing of, and go nowhere.
-const KEEPS_ATTRIBUTES: bool = false;
 
 /// How a file ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -296,8 +292,7 @@ fn compute(
         hook(name);
     }
     let clock = Instant::now();
-    let left_out = if KEEPS_ATTRIBUTES { job.settings.drop } else { DropSet::ALL };
-    let options = ReadOptions { weld: job.settings.weld, memory_limit: Some(around.memory), drop: left_out };
+    let options = ReadOptions { weld: job.settings.weld, memory_limit: Some(around.memory), drop: job.settings.drop };
     let folder = match (&job.object, &beside.folder) {
         (_, Some(folder)) => Some(folder.path()),
         (Object::Local(path), None) => {
