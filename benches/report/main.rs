@@ -14,7 +14,6 @@
 #[path = "../../tests/common/datasets.rs"]
 #[allow(dead_code, reason = "shared with the tests, which use other parts")]
 mod datasets;
-mod distance;
 mod draco;
 mod measure;
 mod page;

@@ -1,10 +1,10 @@
 //! One dataset through the program: bytes, seconds, memory, levels and their errors.
 
 use crate::datasets::Dataset;
-use crate::distance::Surface;
 use crate::draco::{self, Draco, DracoRun};
 use lodestream::decode::{DecodeOptions, Decoder, Step};
 use lodestream::mesh::Mesh;
+use lodestream::quality::{self, SampleOptions, Sampled};
 use lodestream::write::{self, WriteOptions};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -299,9 +299,10 @@ fn peak_memory() -> u64 {
 fn levels(lods: &Path, mesh: &Mesh) -> Result<Vec<LevelRow>, String> {
     let bytes = std::fs::read(lods).map_err(|e| e.to_string())?;
     let mut front = None;
-    let source = Surface::new(mesh);
+    let source = Sampled::new(mesh);
+    let options = SampleOptions { samples: 60_000, ..SampleOptions::default() };
     // The distance of a million vertices to a million triangles is worth no one's morning.
-    let measurable = source.is_some() && mesh.vertex_count() <= 500_000;
+    let measurable = !source.surface.is_empty() && mesh.vertex_count() <= 500_000;
     let mut rows: Vec<LevelRow> = Vec::new();
     let mut next = 24.0f64;
     let ratio = (mesh.vertex_count() as f64 / next).max(2.0).powf(1.0 / MEASURED_LEVELS as f64);
@@ -316,7 +317,7 @@ fn levels(lods: &Path, mesh: &Mesh) -> Result<Vec<LevelRow>, String> {
         if measurable && (last || f64::from(row.vertices) >= next) {
             next = f64::from(row.vertices) * ratio;
             let decoded = decoder.to_mesh();
-            measured = source.as_ref().and_then(|s| s.distance(&Surface::new(&decoded)?));
+            measured = Some(quality::geometry_of(&source, &Sampled::new(&decoded), &options).max());
         }
         rows.push(LevelRow {
             level: u64::from(level),

@@ -4,7 +4,7 @@
 //! there are. Coordinates are rounded to 1/256 of a sample and edges tested in integers with the top-left rule: no sample is
 //! missed or met twice where triangles share an edge. Each sample keeps the number of the nearest triangle; colours are computed once, at the end.
 
-use super::scene::{NONE, Paint, Scene, Triangle};
+use super::scene::{LOOSE, NONE, Paint, Scene, Triangle};
 use super::texture::{to_linear, to_srgb};
 use super::vector::{cross, normalized, sub};
 use super::{Picture, Renderer, View};
@@ -23,7 +23,7 @@ const FAR: f64 = (1i64 << 28) as f64;
 /// From where the light comes most: right, up, towards the eye.
 const LAMP: [f64; 3] = [-0.48, 0.6, 0.64];
 
-/// Numbers of lines and points in place of triangles'.
+/// Numbers of nothing and of lines in place of triangles'; those of points follow the triangles'.
 const EMPTY: u32 = u32::MAX;
 const WIRE: u32 = u32::MAX - 1;
 const DANGLING: u32 = u32::MAX - 2;
@@ -152,12 +152,13 @@ impl<'a> Frame<'a> {
                 buffer.line(a, b, lift, id);
             }
         }
-        for &p in &self.scene.isolated {
-            let p = self.seen[p as usize];
+        for (i, (p, _)) in self.scene.isolated.iter().enumerate() {
+            let p = self.seen[*p as usize];
+            let id = (self.scene.triangles.len() + i) as u32;
             for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
                 if p.there {
                     let place = |c: i32| i64::from(c).div_euclid(PARTS as i64);
-                    buffer.plot(place(p.x) + dx, place(p.y) + dy, p.depth, DANGLING);
+                    buffer.plot(place(p.x) + dx, place(p.y) + dy, p.depth, id);
                 }
             }
         }
@@ -205,8 +206,8 @@ impl<'a> Frame<'a> {
         let columns = self.width / SAMPLES;
         let mut rgb = Vec::with_capacity(3 * columns * buffer.rows / SAMPLES);
         let mut last: Option<(u32, Plane, Surface<'_>)> = None;
-        let [wire, dangling] =
-            [[30, 60, 92], [235, 170, 70]].map(|c: [u8; 3]| c.map(|c| to_linear(f32::from(c) / 255.0)));
+        let wire = [30u8, 60, 92].map(|c| to_linear(f32::from(c) / 255.0));
+        let triangles = self.scene.triangles.len();
         for y in 0..buffer.rows / SAMPLES {
             for x in 0..columns {
                 let mut sum = [0.0f32; 3];
@@ -216,7 +217,8 @@ impl<'a> Frame<'a> {
                     let colour = match id {
                         EMPTY => self.linear_background,
                         WIRE => wire,
-                        DANGLING => dangling,
+                        DANGLING => LOOSE,
+                        _ if id as usize >= triangles => self.scene.isolated[id as usize - triangles].1,
                         _ => {
                             if last.as_ref().is_none_or(|(known, ..)| *known != id) {
                                 let triangle = &self.scene.triangles[id as usize];

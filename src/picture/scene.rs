@@ -12,6 +12,9 @@ use crate::par;
 /// No normal, colour or texture coordinate of one's own.
 pub(super) const NONE: u32 = u32::MAX;
 
+/// Isolated vertices and dangling edges without a colour, in linear light.
+pub(super) const LOOSE: [f32; 3] = [0.83, 0.4, 0.06];
+
 /// A mesh, ready to be drawn from any side.
 pub struct Scene {
     pub(super) points: Vec<[f64; 3]>,
@@ -26,7 +29,8 @@ pub struct Scene {
     pub(super) dangling: Vec<[u32; 2]>,
     /// Edges of faces, for [`Shading::Wire`] only.
     pub(super) wires: Vec<[u32; 2]>,
-    pub(super) isolated: Vec<u32>,
+    /// Isolated vertices and their colours.
+    pub(super) isolated: Vec<(u32, [f32; 3])>,
     warnings: Vec<String>,
 }
 
@@ -75,7 +79,15 @@ impl Scene {
     fn collect_lines(&mut self, mesh: &Mesh, shading: Shading) {
         let mut used = vec![false; mesh.positions.len()];
         mesh.corners.iter().for_each(|&v| used[v as usize] = true);
-        self.isolated = (0..used.len() as u32).filter(|&v| !used[v as usize]).collect();
+        // Of a colour that shows on the background and on faces, where they have none of their own.
+        self.isolated = (0..used.len() as u32).filter(|&v| !used[v as usize]).map(|v| (v, LOOSE)).collect();
+        let colours = mesh.layers.iter().find(|l| l.kind == LayerKind::Color && l.width >= 3);
+        for &[v, value] in colours.map_or(&[][..], |l| &l.isolated) {
+            let place = self.isolated.binary_search_by_key(&v, |&(v, _)| v);
+            if let (Ok(i), Some(c)) = (place, self.colours.get(value as usize)) {
+                self.isolated[i].1 = [c[0], c[1], c[2]];
+            }
+        }
         for face in mesh.faces() {
             if let [a, b] = *face {
                 self.dangling.push([a, b]);

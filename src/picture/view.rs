@@ -14,6 +14,8 @@ pub struct View {
     pub(super) radius: f64,
     /// Half of the diagonal of the mesh.
     reach: f64,
+    /// Half of the mesh's extent in depth; `None` where the sphere around it is what fits.
+    depth: Option<f64>,
     /// From the centre to the eye, `None` for an eye that is infinitely far.
     pub(super) distance: Option<f64>,
 }
@@ -47,6 +49,7 @@ impl View {
             view.centre = std::array::from_fn(|k| 0.5 * lo[k] + 0.5 * hi[k]);
         }
         view.radius = view.reach;
+        view.depth = None;
         view
     }
 
@@ -54,8 +57,12 @@ impl View {
     pub fn perspective(mut self, degrees: f64) -> Self {
         let half = 0.5 * degrees.clamp(1.0, 120.0).to_radians();
         let distance = self.reach / half.sin();
-        // Seen from near by, the sphere's outline is larger than its great circle.
-        self.radius *= distance * half.tan() / self.reach;
+        self.radius *= match self.depth {
+            // What is as near as the nearest point looks larger by so much.
+            Some(depth) => distance / (distance - depth.min(0.9 * distance)),
+            // Seen from near by, the sphere's outline is larger than its great circle.
+            None => distance * half.tan() / self.reach,
+        };
         self.distance = Some(distance);
         self
     }
@@ -77,7 +84,8 @@ impl View {
             let d: [f64; 3] = std::array::from_fn(|k| 0.5 * (hi[k] - lo[k]));
             size(dot(d, d).sqrt())
         });
-        View { axes, centre, radius, reach, distance: None }
+        let depth = Some(if lo[2] <= hi[2] { 0.5 * (hi[2] - lo[2]) } else { 0.0 });
+        View { axes, centre, radius, reach, depth, distance: None }
     }
 
     /// Where `p` is seen: right and up in half sides of the picture, depth growing towards the eye, and how much nearer than the
@@ -106,7 +114,9 @@ mod tests {
         let mut mesh = generate::asteroid(5, 3);
         mesh.positions.iter_mut().for_each(|p| *p = [4.0 * p[0] + 1e5, p[1], p[2] - 3.0]);
         for direction in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 1e-9], [1.0, -2.0, 3.0]] {
-            for view in [View::around(&mesh, direction), View::around(&mesh, direction).perspective(40.0)] {
+            let boxed = View::from_angles(&mesh, direction[0], direction[1] / 2.0);
+            let sphere = View::around(&mesh, direction);
+            for view in [sphere, sphere.perspective(40.0), boxed, boxed.perspective(40.0), boxed.perspective(90.0)] {
                 for a in 0..3 {
                     for b in 0..3 {
                         let expected = if a == b { 1.0 } else { 0.0 };
