@@ -13,7 +13,7 @@ use crate::codec::range;
 use crate::complex::{Faces, Level};
 use crate::container::{self, AsideCounts, Chunk, ContainerError, ErrorBound, Header, LevelInfo};
 use crate::lattice::{Lattice, LatticeError, Quantization};
-use crate::mesh::{Mesh, MeshError};
+use crate::mesh::{LayerKind, Mesh, MeshError};
 use crate::quantizer::Precision;
 use crate::simplify::{ReplayError, SimplifyOptions, reorder, replay, simplify};
 use std::collections::HashSet;
@@ -177,7 +177,11 @@ pub fn encode(
     let mut level = Level { positions, faces, shift: 0 };
     let mut attributes = dressed.attributes;
     let place = reorder(&mut level, &mut attributes);
-    let simplify_options = SimplifyOptions { lock_borders: options.lock_borders, ..SimplifyOptions::default() };
+    let simplify_options = SimplifyOptions {
+        lock_borders: options.lock_borders,
+        seams: (0..mesh.layers.len()).filter(|&l| mesh.layers[l].kind == LayerKind::Uv).collect(),
+        ..SimplifyOptions::default()
+    };
     let history = simplify(level, attributes, &simplify_options, &|left| {
         progress(Progress { stage: Stage::Simplify, done: total - left, total });
     });

@@ -70,6 +70,17 @@ impl Fixed {
         }
     }
 
+    /// The weight with `extra` lattice steps added; more than none leaves it out of means, as a fold does.
+    #[inline]
+    pub fn raised(self, scale: &Scale, extra: f32) -> Fixed {
+        let extra = (f64::from(extra) * scale.units + 0.5) as u32;
+        if extra == 0 || self == Fixed::ILLEGAL {
+            return self;
+        }
+        let value = self.value().saturating_add(extra).min(VALUE_MAX);
+        Fixed(self.0 & !(VALUE_MAX << 1) | value << 1 | 1)
+    }
+
     /// Its value within the class, in units of the [`Scale`], below 2^29.
     #[inline]
     pub fn value(self) -> u32 {

@@ -9,6 +9,7 @@ mod edges;
 mod fixed;
 mod gather;
 mod kernel;
+mod seam;
 mod weigher;
 mod weight;
 
@@ -16,6 +17,7 @@ pub use bound::{BoundScratch, hausdorff_between, hausdorff_bound};
 pub use edges::{EdgeList, neighbours};
 pub use fixed::{Fixed, Scale};
 pub use gather::Gatherer;
+pub use seam::{SeamInput, SeamPatch, SeamReader, add_seams, seam_displacement};
 pub use weigher::{Carried, WeighInput, Weigher, dirty_vertices};
 pub use weight::{Class, Patch, PatchTriangle, RING_MOST, RingVertex, Scratch, Weight, edge_weight};
 

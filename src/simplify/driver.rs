@@ -7,11 +7,11 @@ use super::history::{History, Stored};
 use super::{SelectInput, SelectOptions, select};
 use crate::codec::patch::mean_edge;
 use crate::complex::{Attributes, Coarsened, Level, NONE, Placement, Star, coarsen};
-use crate::metric::{Carried, WeighInput, Weigher, dirty_vertices};
+use crate::metric::{Carried, SeamInput, WeighInput, Weigher, add_seams, dirty_vertices};
 use std::time::Instant;
 
 /// What the simplification is told.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct SimplifyOptions {
     /// Never move a border vertex.
     pub lock_borders: bool,
@@ -23,11 +23,20 @@ pub struct SimplifyOptions {
     pub alpha_share: u32,
     /// Deferred precision: the mean edge has about this many steps of a level.
     pub edge_steps: u32,
+    /// Layers whose seams weights protect (texture coordinates); labels always count.
+    pub seams: Vec<usize>,
 }
 
 impl Default for SimplifyOptions {
     fn default() -> Self {
-        SimplifyOptions { lock_borders: false, factor: 384, alpha: 20, alpha_share: 26, edge_steps: 32 }
+        SimplifyOptions {
+            lock_borders: false,
+            factor: 384,
+            alpha: 20,
+            alpha_share: 26,
+            edge_steps: 32,
+            seams: Vec::new(),
+        }
     }
 }
 
@@ -66,13 +75,21 @@ pub fn simplify(
         let clock = Instant::now();
         let input = WeighInput { faces: &level.faces, star: &star, positions: &exact, locked: locked.as_deref() };
         weigher.weigh(input, carried.as_ref().map(|(old, dirty)| Carried { old_of_new: old, dirty }));
+        let mut seamed = Vec::new();
+        if !options.seams.is_empty() || !history.attributes.labels.is_empty() {
+            seamed = weigher.weights().to_vec();
+            let attributes = &history.attributes;
+            let (faces, layers) = (&level.faces, &options.seams[..]);
+            let input = SeamInput { faces, star: &star, positions: &exact, attributes, layers };
+            add_seams(&input, weigher.edges(), &weigher.scale(), &mut seamed);
+        }
         let weighed = Instant::now();
         let chosen = select(
             SelectInput {
                 faces: &level.faces,
                 star: &star,
                 edges: weigher.edges(),
-                weights: weigher.weights(),
+                weights: if seamed.is_empty() { weigher.weights() } else { &seamed },
                 slots: &history.vertex_slot,
             },
             &SelectOptions { factor: options.factor, least: 1 + n / 128, ..SelectOptions::default() },
