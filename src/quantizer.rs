@@ -200,8 +200,16 @@ fn octahedral(n: [f64; 3], bits: u8) -> [i32; 2] {
         let fold = |a: f64, b: f64| (1.0 - b.abs()) * if a < 0.0 { -1.0 } else { 1.0 };
         (x, y) = (fold(x, y), fold(y, x));
     }
-    let top = ((1u32 << bits) - 1) as f64;
-    [x, y].map(|c| ((c * 0.5 + 0.5) * top + 0.5).floor().clamp(0.0, top) as i32)
+    let top = (1i32 << bits) - 1;
+    let [mut x, mut y] = [x, y].map(|c| ((c * 0.5 + 0.5) * top as f64 + 0.5).floor().clamp(0.0, top as f64) as i32);
+    // A direction on the rim has two places: the lower one is meant.
+    if x == 0 || x == top {
+        y = y.min(top - y);
+    }
+    if y == 0 || y == top {
+        x = x.min(top - x);
+    }
+    [x, y]
 }
 
 fn direction(q: [i32; 2], bits: u8) -> [f64; 3] {

@@ -223,3 +223,40 @@ fn charts_on_a_sphere_come_back_and_cost_little() {
     assert!(seamed < smooth + 3.0, "{seamed}");
     assert!(constant < 0.05, "{constant}");
 }
+
+/// Textured and coloured meshes of the data folder, with the least number of layers that their readers find.
+#[cfg(feature = "formats")]
+const REAL: [(&str, usize); 18] = [
+    ("textured/Avocado/Avocado.gltf", 3),
+    ("textured/CesiumMilkTruck.glb", 2),
+    ("textured/DamagedHelmet.glb", 2),
+    ("textured/Duck.glb", 2),
+    ("textured/Fox.glb", 1),
+    ("textured/IridescenceAbalone/IridescenceAbalone.gltf", 2),
+    ("textured/SciFiHelmet/SciFiHelmet.gltf", 3),
+    ("textured/WaterBottle/WaterBottle.gltf", 3),
+    ("textured/YcbBanana/textured_simple_reoriented.obj", 2),
+    ("textured/bunny10k/bunny10k_textured.obj", 1),
+    ("textured/egyptian_cat.glb", 3),
+    ("textured/knot/texturedknot.obj", 1),
+    ("textured/knot/texturedknot.ply", 1),
+    ("textured/openmvs_scene_mesh_texture.ply", 1),
+    ("textured/spot/spot.obj", 2),
+    ("colour/colored_airplane.ply", 2),
+    ("colour/greySnapper_vertColor.glb", 4),
+    ("colour/rgb_nefertiti.off", 1),
+];
+
+#[cfg(feature = "formats")]
+#[test]
+fn real_attributes_come_back() {
+    let Some(folder) = std::env::var_os("LODESTREAM_DATA").map(std::path::PathBuf::from) else {
+        eprintln!("skipped: {} meshes, because LODESTREAM_DATA names no folder", REAL.len());
+        return;
+    };
+    for (name, layers) in REAL {
+        let read = lodestream::read::read_path(folder.join(name), &Default::default()).unwrap();
+        assert_eq!(read.mesh.layers.len(), layers, "{name}");
+        check(&read.mesh, &EncodeOptions::default()).unwrap_or_else(|e| panic!("{name}: {e}"));
+    }
+}

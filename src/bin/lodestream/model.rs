@@ -41,5 +41,6 @@ pub fn load(path: &Path, level: Option<u32>, machine: &Machine, bars: &Bars) -> 
     if let Some(cut) = reached.cut {
         return Err(cut).context(name);
     }
+    stream.pictures(&mut reached.decoder, u64::MAX)?;
     Ok(Model { mesh: reached.decoder.to_mesh(), level: Some(level) })
 }

@@ -173,8 +173,9 @@ impl MeshPlan {
             let mut elements = Elements::new(primitive.mode, mirrored, b);
             let base = first[primitive.positions];
             // Nearly all there is in the world: whole triangles, their indices side by side.
+            let mut done = false;
             if let (Mode::Triangles, Some(indices)) = (primitive.mode, &primitive.indices) {
-                let done = indices.threes(doc, |t| {
+                let whole = indices.threes(doc, |t| {
                     let t = t.map(|index| index as usize);
                     if let Some(&index) = t.iter().find(|&&index| index >= count) {
                         return Err(outside(index, count));
@@ -182,12 +183,13 @@ impl MeshPlan {
                     let t = elements.turned(t.map(|index| (base + index) as u32));
                     elements.b.triangle(t)
                 });
-                if let Some(done) = done {
-                    done?;
-                    continue;
+                if let Some(whole) = whole {
+                    whole?;
+                    done = true;
                 }
             }
             match &primitive.indices {
+                _ if done => {}
                 Some(indices) => indices.each(doc, |[index]: [f64; 1]| {
                     let index = index as usize;
                     if index >= count {
