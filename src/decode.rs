@@ -3,7 +3,7 @@
 //! Integer arithmetic alone decides what comes out; only [`Decoder::positions`] turns lattice points into coordinates. Counts are
 //! checked against the memory limit before anything is allocated by them.
 
-use crate::codec::appearance::code_appearance;
+use crate::codec::appearance::{AppearanceError, code_appearance};
 use crate::codec::aside::code_aside;
 use crate::codec::base::code_elements;
 use crate::codec::layers::{Lone, Scheme, code_base_layers, code_lone_values};
@@ -107,6 +107,8 @@ pub struct Decoder {
     /// The payload of the lone values, until the level that they belong to is there.
     late: Option<Vec<u8>>,
     appearance: Option<Appearance>,
+    /// Bytes of memory that materials take beyond what their chunk announced.
+    held: u64,
     failed: Option<DecodeError>,
 }
 
@@ -135,6 +137,7 @@ impl Decoder {
             lone: None,
             late: None,
             appearance: None,
+            held: 0,
             failed: None,
         }
     }
@@ -224,9 +227,7 @@ impl Decoder {
                     self.waiting.push(payload);
                 }
                 Kind::Aside => {
-                    if let Some(front) = self.reader.front()? {
-                        front.check_memory(full, self.options.memory_limit)?;
-                    }
+                    self.afford(full)?;
                     self.aside = Some(self.decode_aside(payload)?);
                 }
                 // It speaks of vertices of the level: it waits until that is there.
@@ -236,9 +237,7 @@ impl Decoder {
                 _ => return Err(corrupt(next, "a chunk of another level")),
             }
         }
-        if let Some(front) = self.reader.front()? {
-            front.check_memory(next, self.options.memory_limit)?;
-        }
+        self.afford(next)?;
         if next == 0 {
             self.decode_base()?;
         } else {
@@ -266,6 +265,20 @@ impl Decoder {
         Ok(Step::Level(next))
     }
 
+    /// Check that a level fits, beside the materials that are here already.
+    fn afford(&mut self, level: u32) -> Result<(), DecodeError> {
+        let (held, limit) = (self.held, self.options.memory_limit);
+        let Some(front) = self.reader.front()? else { return Ok(()) };
+        let needed = front.memory(level).saturating_add(held);
+        if needed > limit { Err(ContainerError::MemoryLimit { needed, limit }.into()) } else { Ok(()) }
+    }
+
+    /// The most wedges of each layer.
+    fn most_wedges(&mut self) -> Result<Vec<u32>, DecodeError> {
+        let front = self.reader.front()?;
+        Ok(front.map_or(Vec::new(), |f| f.header().attributes.layers.iter().map(|l| l.wedges).collect()))
+    }
+
     /// Layers have as many wedges as the header announces.
     fn check_wedges(&mut self, level: u32, full: bool) -> Result<(), DecodeError> {
         let Some(front) = self.reader.front()? else { return Ok(()) };
@@ -283,8 +296,21 @@ impl Decoder {
         match (info.kind, &mut self.appearance) {
             (Kind::Appearance, None) => {
                 let mut coder = range::Decoder::new(payload);
-                let appearance = code_appearance(&mut coder, &Appearance::default())
-                    .map_err(|Nonsense(what)| corrupt(level, what))?;
+                let limit = self.options.memory_limit;
+                let used = self.reader.front()?.map_or(0, |front| front.memory(level));
+                let room = limit.saturating_sub(used).saturating_add(info.memory);
+                let (appearance, held) =
+                    code_appearance(&mut coder, &Appearance::default(), room).map_err(|error| match error {
+                        AppearanceError::Nonsense(Nonsense(what)) => corrupt(level, what),
+                        AppearanceError::Memory { needed } => ContainerError::MemoryLimit {
+                            needed: used.saturating_sub(info.memory).saturating_add(needed),
+                            limit,
+                        }
+                        .into(),
+                    })?;
+                if coder.overrun() {
+                    return Err(corrupt(level, "materials that end too early"));
+                }
                 let announced = match self.reader.front()? {
                     Some(front) => &front.header().attributes,
                     None => return Err(corrupt(level, "materials before the header")),
@@ -294,13 +320,16 @@ impl Decoder {
                     return Err(corrupt(level, "other materials or images than the header announces"));
                 }
                 self.appearance = Some(appearance);
+                self.held = held.saturating_sub(info.memory);
             }
             (Kind::Image, Some(appearance)) => {
                 if let Some(image) = appearance.images.get_mut(info.segment as usize) {
                     image.bytes = payload;
                 }
             }
-            (Kind::Appearance | Kind::Image, _) => return Err(corrupt(level, "images before materials")),
+            // Offered before its chunk came.
+            (Kind::Appearance, Some(_)) => {}
+            (Kind::Image, None) => return Err(corrupt(level, "images before materials")),
             _ => {}
         }
         Ok(())
@@ -333,6 +362,7 @@ impl Decoder {
     /// Level 0: points, then the elements on them.
     fn decode_base(&mut self) -> Result<(), DecodeError> {
         let row = self.rows[0];
+        let most = self.most_wedges()?;
         let run = self.run.as_mut().ok_or(corrupt(0, "a base without a chunk of its own"))?;
         let mut level = Level { positions: Vec::new(), faces: Faces::new(), shift: row.shift };
         code_points(&mut run.coder, &mut level.positions, row.vertices as usize);
@@ -341,7 +371,7 @@ impl Decoder {
         self.parents = vec![crate::complex::NONE; level.positions.len()];
         self.star = Star::with_next(level.positions.len(), &level.faces);
         let count = level.positions.len();
-        code_base_layers(&mut run.coder, &self.scheme, count, &level.faces, &mut self.attributes)
+        code_base_layers(&mut run.coder, &self.scheme, count, &level.faces, &mut self.attributes, &most)
             .map_err(|Nonsense(what)| corrupt(0, what))?;
         self.level = level;
         self.end_run(0)
@@ -350,6 +380,7 @@ impl Decoder {
     /// The batch that leads to `next`.
     fn decode_batch(&mut self, next: u32) -> Result<(), DecodeError> {
         let (row, before) = (self.rows[next as usize], self.rows[next as usize - 1]);
+        let most = self.most_wedges()?;
         let view = View::with(&self.level, &self.star, &self.attributes, &self.scheme);
         let bias = ((self.rows.len() as u32 - 1 - next) & 1) as i32;
         let n = self.level.positions.len();
@@ -358,9 +389,23 @@ impl Decoder {
         let pieces = if self.run.is_some() { 1 } else { self.waiting.len() };
         // Segments decode side by side: what they list together is held to the header's count.
         let room = AtomicU64::new(more.1);
+        let wedges: Vec<AtomicU64> = most
+            .iter()
+            .zip(&self.attributes.layers)
+            .map(|(&most, layer)| AtomicU64::new((most as u64).saturating_sub(layer.len() as u64)))
+            .collect();
         let task = |k: usize| {
             let r = segment_range(n, k, pieces);
-            Task { view, range: (r.start, r.end), first: k == 0, more, room: &room, shift: row.shift, bias }
+            Task {
+                view,
+                range: (r.start, r.end),
+                first: k == 0,
+                more,
+                room: &room,
+                wedges: &wedges,
+                shift: row.shift,
+                bias,
+            }
         };
         let nonsense = |Nonsense(what)| corrupt(next, what);
         let batch = if let Some(run) = &mut self.run {
@@ -591,9 +636,6 @@ impl Decoder {
     /// # Errors
     /// [`DecodeError::Corrupt`] for materials that make no sense, and for an image that comes before them.
     pub fn offer(&mut self, info: ChunkInfo, payload: Vec<u8>) -> Result<(), DecodeError> {
-        if info.kind == Kind::Appearance && self.appearance.is_some() {
-            return Ok(());
-        }
         let level = self.at.unwrap_or(0);
         self.take_picture(level, info, payload)
     }

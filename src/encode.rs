@@ -5,11 +5,12 @@ mod attributes;
 pub use attributes::AttributeError;
 
 use self::attributes::{Parts, dress};
-use crate::codec::appearance::code_appearance;
+use crate::codec::appearance::{AppearanceError, code_appearance};
 use crate::codec::aside::code_aside;
 use crate::codec::base::Origin;
 use crate::codec::layers::{Lone, Value, code_lone_values};
 use crate::codec::range;
+use crate::codec::segment::Nonsense;
 use crate::complex::{Faces, Level};
 use crate::container::{self, AsideCounts, Chunk, ContainerError, ErrorBound, Header, LevelInfo};
 use crate::lattice::{Lattice, LatticeError, Quantization};
@@ -236,11 +237,14 @@ pub fn encode(
     let (mut appearance_bits, mut image_bits) = (0.0, 0.0);
     if dressed.header.appearance {
         let mut coder = range::Encoder::new();
-        code_appearance(&mut coder, &mesh.appearance).map_err(ReplayError::Stream)?;
+        let (_, memory) = code_appearance(&mut coder, &mesh.appearance, u64::MAX).map_err(|error| match error {
+            AppearanceError::Nonsense(nonsense) => ReplayError::Stream(nonsense),
+            AppearanceError::Memory { .. } => ReplayError::Stream(Nonsense("materials without end")),
+        })?;
         let payload = coder.finish();
         appearance_bits = payload.len() as f64 * 8.0;
         // Behind the base: what is shown first has its materials.
-        chunks.insert(1, Chunk::appearance(0, payload));
+        chunks.insert(1, Chunk::appearance(0, payload).with_memory(memory));
         let count = mesh.appearance.images.len() as u32;
         for (i, image) in mesh.appearance.images.iter().enumerate() {
             image_bits += image.bytes.len() as f64 * 8.0;

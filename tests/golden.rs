@@ -34,6 +34,11 @@ fn describe(name: &str, bytes: &[u8]) -> String {
         level.positions.iter().flatten().for_each(|&c| put(c as u32));
         level.faces.start.iter().chain(&level.faces.corners).for_each(|&c| put(c));
         decoder.parents().iter().for_each(|&p| put(p));
+        for layer in &decoder.attributes().layers {
+            layer.corner.iter().for_each(|&w| put(w));
+            layer.values.iter().for_each(|&x| put(x as u32));
+        }
+        decoder.attributes().labels.iter().for_each(|&l| put(l as u32));
     }
     if let Some(aside) = decoder.aside() {
         aside.start.iter().chain(&aside.corners).for_each(|&c| put(c));
@@ -44,8 +49,20 @@ fn describe(name: &str, bytes: &[u8]) -> String {
     // Coordinates too, bit for bit.
     let mut put = |n: u64| sum.update(&n.to_le_bytes());
     mesh.positions.iter().flatten().for_each(|c| put(c.to_bits()));
-    let (vertices, faces) = (mesh.vertex_count(), mesh.face_count());
-    format!("{name}: {levels} levels, {vertices} vertices, {faces} faces, checksum {:08x}\n", sum.finalize())
+    for layer in &mesh.layers {
+        layer.values.iter().for_each(|x| put(x.to_bits()));
+        layer.corners.iter().chain(layer.isolated.as_flattened()).for_each(|&i| put(i as u64));
+        layer.name.bytes().for_each(|b| put(b as u64));
+    }
+    mesh.material.iter().for_each(|&m| put(m as u64));
+    let texts = [&mesh.appearance.materials, &mesh.appearance.textures, &mesh.appearance.samplers];
+    texts.into_iter().flatten().for_each(|t| t.bytes().for_each(|b| put(b as u64)));
+    for image in &mesh.appearance.images {
+        image.name.bytes().chain(image.mime.bytes()).chain(image.bytes.iter().copied()).for_each(|b| put(b as u64));
+    }
+    let (vertices, faces, layers) = (mesh.vertex_count(), mesh.face_count(), mesh.layers.len());
+    let counts = format!("{levels} levels, {vertices} vertices, {faces} faces, {layers} layers");
+    format!("{name}: {counts}, checksum {:08x}\n", sum.finalize())
 }
 
 #[cfg(feature = "encode")]

@@ -7,7 +7,7 @@ mod small;
 
 use lodestream::container::{ContainerError, Front, Parsed};
 use lodestream::decode::{DecodeError, DecodeOptions, Decoder, Step};
-use lodestream::mesh::Mesh;
+use lodestream::mesh::{Layer, LayerKind, Mesh};
 use small::{file, files};
 
 /// Decode as far as it goes: the levels reached, and how it ended.
@@ -51,8 +51,9 @@ fn every_prefix_gives_the_best_whole_level() {
         let mut decoder = Decoder::new(DecodeOptions::default());
         decoder.push(&bytes);
         while let Ok(Step::Level(_)) = decoder.next_level() {
-            whole.push(decoder.complex().clone());
+            whole.push((decoder.complex().clone(), decoder.attributes().clone()));
         }
+        let mesh = decoder.to_mesh();
         for cut in 0..bytes.len() {
             let (reached, end, mut decoder) = run(&bytes[..cut]);
             // A last chunk may be empty: then all levels are there, whatever follows.
@@ -64,7 +65,9 @@ fn every_prefix_gives_the_best_whole_level() {
             };
             assert_eq!(reached, level, "{name} cut at {cut}");
             if let Some(l) = reached {
-                assert_eq!(decoder.complex(), &whole[l as usize], "{name} cut at {cut}");
+                let wanted = &whole[l as usize];
+                assert_eq!((decoder.complex(), decoder.attributes()), (&wanted.0, &wanted.1), "{name} cut at {cut}");
+                decoder.to_mesh().validate().unwrap();
             }
             match decoder.finish() {
                 Err(DecodeError::Container(ContainerError::Truncated { have, need, level: l, exact })) => {
@@ -77,7 +80,7 @@ fn every_prefix_gives_the_best_whole_level() {
             // What comes later goes on where it stopped.
             decoder.push(&bytes[cut..]);
             while let Step::Level(_) = decoder.next_level().unwrap() {}
-            assert_eq!(Some(decoder.complex()), whole.last(), "{name} cut at {cut}, then the rest");
+            assert_eq!(decoder.to_mesh(), mesh, "{name} cut at {cut}, then the rest");
             decoder.finish().unwrap();
         }
     }
@@ -102,7 +105,7 @@ fn nothing_may_follow_the_last_chunk() {
 #[test]
 fn bytes_may_come_one_by_one() {
     for (name, bytes) in files() {
-        let (_, _, whole) = run(&bytes);
+        let (_, _, mut whole) = run(&bytes);
         let mut decoder = Decoder::new(DecodeOptions::default());
         for b in &bytes {
             while let Step::Level(_) = decoder.next_level().unwrap() {}
@@ -112,6 +115,8 @@ fn bytes_may_come_one_by_one() {
         decoder.finish().unwrap();
         assert_eq!(decoder.complex(), whole.complex(), "{name}");
         assert_eq!(decoder.aside(), whole.aside(), "{name}");
+        assert_eq!(decoder.attributes(), whole.attributes(), "{name}");
+        assert_eq!(decoder.to_mesh(), whole.to_mesh(), "{name}");
     }
 }
 
@@ -158,6 +163,32 @@ fn an_edge_of_very_many_triangles() {
     let mut mesh = around(HUGE);
     (2..=HUGE).for_each(|k| mesh.push_face(&if k % 3 == 0 { [0, 1, k] } else { [1, 0, k] }));
     there_and_back(&mesh);
+}
+
+/// Hubs whose elements all have other values, few values, or none: what is looked for around a vertex has an end.
+#[test]
+fn values_around_very_many_elements() {
+    let few = HUGE / 4;
+    let fan = |mesh: &mut Mesh| (1..few).for_each(|k| mesh.push_face(&[0, k, k + 1]));
+    let book = |mesh: &mut Mesh| (2..=few).for_each(|k| mesh.push_face(&[k % 2, 1 - k % 2, k]));
+    let edges = |mesh: &mut Mesh| (1..=few).for_each(|k| mesh.push_face(&[0, 1 + k % 2]));
+    let big = |mesh: &mut Mesh| {
+        let ring: Vec<u32> = (1..=few).collect();
+        mesh.push_face(&ring);
+        (1..few).for_each(|k| mesh.push_face(&[k, k + 1, 0]));
+    };
+    let builds: [&dyn Fn(&mut Mesh); 4] = [&fan, &book, &edges, &big];
+    for build in builds {
+        let mut mesh = around(few);
+        build(&mut mesh);
+        let mut random = small::Random(5);
+        mesh.layers.push(small::any_layer(&mesh, "uv", LayerKind::Uv, 2, &mut random));
+        let n = mesh.corners.len();
+        let values = (0..2 * n).map(|i| (i % 4099) as f64 / 4099.0).collect();
+        let all = Layer { name: "own".into(), kind: LayerKind::Uv, width: 2, values, ..Layer::default() };
+        mesh.layers.push(Layer { corners: (0..n as u32).collect(), ..all });
+        there_and_back(&mesh);
+    }
 }
 
 #[test]

@@ -14,9 +14,10 @@ use lodestream::codec::points::{canonical_order, code_points};
 use lodestream::codec::range::Encoder;
 use lodestream::codec::segment::{Scratch, Source};
 use lodestream::codec::stream::{Account, State, Task, code_segment, segment_range, segments};
-use lodestream::complex::{Batch, Faces, Inserted, Split, Star};
-use lodestream::container::{AsideCounts, Chunk, Front, Header, Kind, LevelInfo, Parsed, write};
+use lodestream::complex::{Batch, Faces, Inserted, NONE, Split, Star};
+use lodestream::container::{AsideCounts, Chunk, Front, Header, Kind, Label, LevelInfo, Parsed, write};
 use lodestream::decode::{DecodeOptions, Decoder, Step};
+use lodestream::mesh::{Layer, LayerKind, Mesh, Stored};
 use small::{Random, file, files};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
@@ -128,7 +129,7 @@ fn damage(r: &mut Random, payload: &mut Vec<u8>) {
 fn mutate(r: &mut Random, file: &mut Parts, others: &[Parts]) {
     let level = r.below(file.header.levels.len());
     let chunk = r.below(file.chunks.len());
-    match r.below(14) {
+    match r.below(15) {
         0..=5 => damage(r, &mut file.chunks[chunk].payload),
         6 => {
             // One count, and those behind it, so that none is fewer than the one before.
@@ -190,6 +191,38 @@ fn mutate(r: &mut Random, file: &mut Parts, others: &[Parts]) {
                 file.chunks.splice(chunk..=chunk, segments);
             }
         }
+        13 => {
+            // Something about the attributes.
+            let a = &mut file.header.attributes;
+            let layer = r.below(a.layers.len());
+            match (r.below(7), a.layers.get_mut(layer)) {
+                (0, Some(l)) => l.wedges = number(r, l.wedges),
+                (1, Some(l)) => l.width = 1 + r.below(4) as u8,
+                (2, _) => a.labels.push(Label { material: r.below(3) as u32, layers: r.next() as u32 & 7 }),
+                (3, _) => a.labels.truncate(1 + r.below(3)),
+                (4, Some(_)) => {
+                    // As many layers as there may be.
+                    let (n, l) = (r.below(33 - a.layers.len().min(32)), a.layers[layer].clone());
+                    a.layers.extend(std::iter::repeat_n(l, n));
+                    a.labels.iter_mut().for_each(|label| label.layers |= u32::MAX >> (32 - a.layers.len()));
+                }
+                (5, _) => {
+                    a.lone = true;
+                    let payload = file.chunks[chunk].payload.clone();
+                    if !file.chunks.iter().any(|c| c.kind == Kind::Lone) {
+                        file.chunks.push(Chunk::lone(file.header.full_level(), payload));
+                    }
+                }
+                _ => {
+                    a.appearance = true;
+                    a.materials = number(r, a.materials);
+                    if !file.chunks.iter().any(|c| c.kind == Kind::Appearance) {
+                        let payload = file.chunks[chunk].payload.clone();
+                        file.chunks.push(Chunk::appearance(0, payload));
+                    }
+                }
+            }
+        }
         _ => {
             // The levels of a run each in a segment of their own.
             let c = file.chunks[chunk].clone();
@@ -227,6 +260,12 @@ fn survive(bytes: &[u8], limit: u64) -> Result<(bool, usize), String> {
                         }
                     }
                 }
+                for layer in &decoder.attributes().layers {
+                    let wedges = layer.len() as u32;
+                    if layer.corner.iter().any(|&w| w != NONE && w >= wedges) {
+                        return Err(format!("a wedge of level {:?} that is not there", decoder.level()));
+                    }
+                }
                 PEAK.store(NOW.load(Relaxed), Relaxed);
             }
             Ok(Step::NeedBytes) => return Err("it asks for more bytes".to_string()),
@@ -240,6 +279,7 @@ fn survive(bytes: &[u8], limit: u64) -> Result<(bool, usize), String> {
         }
     };
     most = most.max(PEAK.load(Relaxed) - before);
+    decoder.to_mesh().validate().map_err(|error| error.to_string())?;
     if most > limit as usize + OVERHEAD + 4 * bytes.len() {
         return Err(format!("{most} bytes of memory at once, the limit is {limit}"));
     }
@@ -313,6 +353,7 @@ fn segments_that_each_claim_all() -> Vec<u8> {
             first: k == 0,
             more: (u64::MAX, u64::MAX),
             room: &room,
+            wedges: &[],
             shift: 0,
             bias: 0,
         };
@@ -335,11 +376,30 @@ fn segments_that_each_claim_all() -> Vec<u8> {
 /// Honest files under just the limit that their tables ask for.
 fn honest_files_keep_to_what_they_say() {
     use lodestream::generate::{crumbs, point_cloud, soup, terrain};
+    let mut r = Random(7);
+    let mut with = |mut mesh: Mesh, layers: &[(&str, LayerKind, u8)]| {
+        for &(name, kind, width) in layers {
+            let layer = small::any_layer(&mesh, name, kind, width, &mut r);
+            mesh.layers.push(layer);
+        }
+        mesh
+    };
+    let (uv, color) = (("uv", LayerKind::Uv, 2), ("color", LayerKind::Color, 4));
+    let (quality, normal) = (("quality", LayerKind::Scalar, 1), ("normal", LayerKind::Normal, 3));
+    let mut smooth = terrain(60_000, 1);
+    let (values, n) = (smooth.positions.iter().flat_map(|p| [p[0], p[1]]).collect(), smooth.vertex_count());
+    let layer = Layer::per_vertex("uv", LayerKind::Uv, 2, Stored::F32, values, &smooth.corners, n);
+    smooth.layers.push(layer);
     let meshes = [
         ("terrain", terrain(60_000, 1)),
         ("points", point_cloud(100_000, 2)),
         ("crumbs", crumbs(20_000, 3)),
         ("soup", soup(5_000, 10_000, 4)),
+        ("smooth layer", smooth),
+        ("wild layers", with(terrain(30_000, 1), &[uv, quality, color])),
+        ("points with values", with(point_cloud(100_000, 2), &[color, normal])),
+        ("soup with values", with(soup(5_000, 10_000, 4), &[uv, quality])),
+        ("crumbs with materials", small::dress(crumbs(10_000, 3), 5)),
     ];
     for (name, mesh) in meshes {
         for bits in [10, 21] {
@@ -366,6 +426,8 @@ fn hostile_streams_do_no_harm() {
     let large = lodestream::generate::sphere(60, 0.01, 4);
     let large = parts(&file(&large, 12));
     assert!(large.chunks.iter().any(|c| c.segments > 1), "a file with segments");
+    let dressed = parts(&file(&small::dress(lodestream::generate::terrain(30_000, 4), 6), 10));
+    assert!(dressed.chunks.iter().any(|c| c.segments > 1 && c.kind == Kind::Segment), "layers in segments");
     let others: Vec<Parts> = files.iter().map(|(_, p)| p.clone()).collect();
     files.retain(|(name, _)| *name != "empty");
     let rounds: usize = std::env::var("LODESTREAM_HOSTILE_ROUNDS").ok().and_then(|s| s.parse().ok()).unwrap_or(1);
@@ -397,6 +459,9 @@ fn hostile_streams_do_no_harm() {
     }
     for _ in 0..60 * rounds {
         attack("large", &large, &mut r);
+    }
+    for _ in 0..30 * rounds {
+        attack("large with layers", &dressed, &mut r);
     }
     eprintln!("{decoded} files decoded, {full} runs to the full level; {refused} were not written");
     assert!(decoded > 10_000 && full > 100);

@@ -9,7 +9,7 @@ use super::patch::{Patch, View};
 use super::range::{Bit, Coder};
 use super::spread::{SpreadModels, code_delta};
 use crate::complex::{Batch, Split};
-use std::sync::atomic::AtomicU64;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// All adaptive models of a stream of splits. A level's segments start with the models that the first segment of
 /// the coarser level's batch ended with.
@@ -117,7 +117,7 @@ impl Source for Stream {
 }
 
 /// Code the splits of the coarser level's vertices `range`, appending them to `batch`; `budget` is the number of elements that
-/// may still appear, `room` that of [`code_cut`].
+/// may still appear, `room` that of [`code_cut`], `wedges` that of [`code_attributes`].
 #[allow(clippy::too_many_arguments)]
 pub fn code_splits<C: Coder, S: Source>(
     coder: &mut C,
@@ -128,6 +128,7 @@ pub fn code_splits<C: Coder, S: Source>(
     source: &mut S,
     batch: &mut Batch,
     room: &AtomicU64,
+    wedges: &[AtomicU64],
     budget: &mut u64,
     bias: i32,
     bits: &mut SegmentBits,
@@ -171,8 +172,12 @@ pub fn code_splits<C: Coder, S: Source>(
         bits.geometry += end - mid;
         batch.push(v, split, delta);
         if !view.scheme.is_empty() {
+            // With attributes an edge that appears is more than a count.
+            if C::DECODING && room.fetch_update(Relaxed, Relaxed, |r| r.checked_sub(split.edges as u64)).is_err() {
+                return Err(Nonsense("more elements than the header announces"));
+            }
             let (m, out) = (&mut m.attributes, &mut batch.attributes);
-            code_attributes(coder, m, attributes, view, patch, split, delta, bias, source, out)?;
+            code_attributes(coder, m, attributes, view, patch, split, delta, bias, wedges, source, out)?;
             bits.attributes += coder.bits() - end;
         }
         for &f in view.star.get(v) {

@@ -67,6 +67,8 @@ pub struct Task<'a> {
     pub more: (u64, u64),
     /// Triangles that all segments of the batch may still list on the general road; a decoder begins with `more.1`.
     pub room: &'a AtomicU64,
+    /// Wedges that each layer may still gain in all segments of the batch; empty for an encoder.
+    pub wedges: &'a [AtomicU64],
     /// The shift of the finer level.
     pub shift: u8,
     /// The rounding of midpoints, 0 or 1.
@@ -118,6 +120,7 @@ pub fn code_segment<C: Coder, S: Source>(
         source,
         batch,
         task.room,
+        task.wedges,
         &mut budget,
         task.bias,
         &mut account.splits,

@@ -1,9 +1,9 @@
 //! What the front of a file says about its attributes: the layers, how they are quantized, and the labels of elements.
 
 use super::error::{ContainerError, Place, inconsistent};
-use super::header::MAX_COUNT;
+use super::header::{LevelInfo, MAX_COUNT};
 use super::table::{Number, count, float, raw};
-use crate::codec::layers::{MAX_LAYERS, Scheme};
+use crate::codec::layers::{MAX_LAYERS, Scheme, VALUE_LIMIT};
 use crate::codec::range::Coder;
 use crate::complex::MAX_WEDGES;
 use crate::mesh::{LayerKind, MAX_WIDTH, Stored};
@@ -11,6 +11,9 @@ use crate::quantizer::{Quantizer, WIDTH};
 
 /// The longest name of a layer, in bytes.
 pub const MAX_NAME: usize = 1 << 10;
+
+/// The most elements of a complex with attributes.
+const MAX_ELEMENTS: u32 = 1 << 31;
 
 /// The most labels of a file.
 pub const MAX_LABELS: usize = 1 << 16;
@@ -72,8 +75,11 @@ impl AttributeHeader {
         self.layers.is_empty() && self.labels.len() < 2
     }
 
-    pub(super) fn validate(&self, corners: u32) -> Result<(), ContainerError> {
+    pub(super) fn validate(&self, full: LevelInfo) -> Result<(), ContainerError> {
         let fail = |what| inconsistent(Place::Header, what);
+        if !self.is_bare() && full.elements > MAX_ELEMENTS {
+            return fail("more than 2^31 elements with attributes");
+        }
         if self.layers.len() > MAX_LAYERS {
             return fail("more than 32 layers");
         }
@@ -84,15 +90,14 @@ impl AttributeHeader {
             if l.name.len() > MAX_NAME || !(1..=MAX_WIDTH).contains(&l.width) {
                 return fail("a layer with too long a name or a width outside 1 to 4");
             }
-            if l.wedges as usize > MAX_WEDGES || l.wedges > corners {
+            if l.wedges as usize > MAX_WEDGES || l.wedges > full.corners {
                 return fail("more wedges than corners");
             }
             let fits = match (l.quantizer, l.kind) {
                 (Quantizer::Linear { origin, step }, kind) => {
                     !matches!(kind, LayerKind::Normal | LayerKind::Tangent)
-                        && step.is_finite()
                         && step > 0.0
-                        && origin.iter().all(|c| c.is_finite())
+                        && origin.iter().all(|c| (c.abs() + step * VALUE_LIMIT as f64).is_finite())
                 }
                 (Quantizer::Octahedral { bits }, LayerKind::Normal) => (2..=16).contains(&bits) && l.width == 3,
                 (Quantizer::Octahedral { bits }, LayerKind::Tangent) => (2..=16).contains(&bits) && l.width == 4,

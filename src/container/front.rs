@@ -10,7 +10,7 @@ use super::error::{ContainerError, Place, inconsistent};
 use super::header::Header;
 use super::{
     KNOWN_REQUIRED, MAGIC, MAX_BODY, MEMORY_PER_CORNER, MEMORY_PER_ELEMENT, MEMORY_PER_LAYER_CORNER,
-    MEMORY_PER_NEW_VERTEX, MEMORY_PER_VERTEX, MEMORY_PER_WEDGE_COMPONENT, VERSION, table,
+    MEMORY_PER_LONE_VALUE, MEMORY_PER_NEW_VERTEX, MEMORY_PER_VERTEX, MEMORY_PER_WEDGE_COMPONENT, VERSION, table,
 };
 
 /// The front of a file, checked: what a client needs to plan.
@@ -104,7 +104,8 @@ impl Front {
         let needs = check_order(&header, &chunks)?;
         let mut working = vec![0u64; needs.len()];
         for c in &chunks {
-            let known = !matches!(c.kind, Kind::Other(_));
+            // Materials stay, whatever the level.
+            let known = !matches!(c.kind, Kind::Other(_) | Kind::Appearance);
             if let Some(w) = working.get_mut(c.first_level as usize).filter(|_| known) {
                 *w = w.saturating_add(c.memory).saturating_add(c.length);
             }
@@ -230,8 +231,15 @@ impl Front {
                 .saturating_add(corners * MEMORY_PER_LAYER_CORNER)
                 .saturating_add(wedges * width as u64 * MEMORY_PER_WEDGE_COMPONENT);
         }
+        if level == self.full_level() && self.header.attributes.lone {
+            let lone = row.vertices as u64 + self.header.aside.corners as u64;
+            attributes = attributes.saturating_add(lone * layers.len() as u64 * MEMORY_PER_LONE_VALUE);
+        }
         if !self.header.attributes.is_bare() {
             attributes = attributes.saturating_add(elements * MEMORY_PER_ELEMENT);
+        }
+        if let Some(c) = self.chunks.iter().find(|c| self.header.attributes.appearance && c.kind == Kind::Appearance) {
+            attributes = attributes.saturating_add(c.memory).saturating_add(c.length);
         }
         levels.saturating_add(attributes).saturating_add(self.working.get(level as usize).copied().unwrap_or(0))
     }

@@ -174,7 +174,7 @@ impl Header {
         if !fits(full.elements, elements) || !fits(full.corners, corners) {
             return header("a count beyond 2^32 - 2");
         }
-        self.attributes.validate(full.corners)
+        self.attributes.validate(full)
     }
 }
 

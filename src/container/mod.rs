@@ -56,5 +56,8 @@ pub const MEMORY_PER_CORNER: u64 = 12;
 /// it and of the batch included.
 pub const MEMORY_PER_LAYER_CORNER: u64 = 14;
 
+/// Bytes of memory that decoding takes for each layer and each corner aside or vertex, where a file has lone values: any vertex may have one.
+pub const MEMORY_PER_LONE_VALUE: u64 = 20;
+
 /// Bytes of memory that decoding takes for each component of each wedge.
 pub const MEMORY_PER_WEDGE_COMPONENT: u64 = 8;

@@ -124,7 +124,7 @@ pub fn replay(
     let start = coder.bits();
     let mut attributes = base_attributes(history, &origins, &level.faces);
     let names =
-        code_base_layers(&mut coder, scheme, count, &level.faces, &mut attributes).map_err(ReplayError::Stream)?;
+        code_base_layers(&mut coder, scheme, count, &level.faces, &mut attributes, &[]).map_err(ReplayError::Stream)?;
     out.account.splits.attributes += coder.bits() - start;
     let mut s = Slots {
         wedge: names,
@@ -167,6 +167,7 @@ pub fn replay(
                 first: k == 0,
                 more,
                 room: &room,
+                wedges: &[],
                 shift: stored.shift,
                 bias: stored.placement.bias,
             }

@@ -4,7 +4,7 @@ use super::super::range::{Bit, Coder};
 use super::super::segment::Nonsense;
 use super::values::{Far, VALUE_LIMIT, Value, ValueModels, WIDTH, code_far};
 use super::{MAX_LAYERS, Scheme};
-use crate::complex::{Attributes, Faces, NONE, Wedges};
+use crate::complex::{Attributes, Faces, MAX_WEDGES, NONE, Wedges};
 
 /// Wedges of a vertex that are considered; a further corner gets a wedge of its own.
 const NEAR: usize = 64;
@@ -35,26 +35,39 @@ fn checked(value: Value) -> Result<Value, Nonsense> {
     Ok(value)
 }
 
-fn code_labels<C: Coder>(coder: &mut C, m: &mut Models, scheme: &Scheme, labels: &mut Vec<u16>, elements: usize) {
+fn ends_early<C: Coder>(coder: &C) -> Result<(), Nonsense> {
+    if coder.overrun() { Err(Nonsense("values that end too early")) } else { Ok(()) }
+}
+
+fn code_labels<C: Coder>(
+    coder: &mut C,
+    m: &mut Models,
+    scheme: &Scheme,
+    labels: &mut Vec<u16>,
+    elements: usize,
+) -> Result<(), Nonsense> {
     if scheme.presence.len() < 2 {
         labels.clear();
-        return;
+        return Ok(());
     }
     let source = std::mem::take(labels);
+    labels.reserve_exact(elements);
     let mut last = 0u16;
     for f in 0..elements {
+        ends_early(coder)?;
         let wanted = source.get(f).copied().unwrap_or(0);
         if !coder.bit(&mut m.label, wanted == last) {
             last = coder.uniform(scheme.presence.len() as u32, wanted as u32) as u16;
         }
         labels.push(last);
     }
+    Ok(())
 }
 
 /// Code the attributes of the elements of level 0, which has `vertices` vertices.
 ///
 /// An encoder's wedges may be numbered in any way; they leave in the order in which corners name them, and what is returned tells layer by layer
-/// which number each had before. A decoder comes with nothing.
+/// which number each had before. A decoder comes with nothing but `most`, how many wedges each layer may have; an encoder's is empty.
 ///
 /// # Errors
 /// [`Nonsense`] from a stream that contradicts itself.
@@ -64,22 +77,26 @@ pub fn code_base_layers<C: Coder>(
     vertices: usize,
     faces: &Faces,
     attributes: &mut Attributes,
+    most: &[u32],
 ) -> Result<Vec<Vec<u32>>, Nonsense> {
     if scheme.is_empty() {
         return Ok(Vec::new());
     }
     let mut models = Models::default();
-    code_labels(coder, &mut models, scheme, &mut attributes.labels, faces.len());
+    code_labels(coder, &mut models, scheme, &mut attributes.labels, faces.len())?;
     attributes.layers.resize_with(scheme.widths.len().min(MAX_LAYERS), Wedges::default);
     let mut names = Vec::new();
     for (l, (layer, &width)) in attributes.layers.iter_mut().zip(&scheme.widths).enumerate() {
         let source = std::mem::replace(layer, Wedges { width, ..Wedges::default() });
+        layer.corner.reserve_exact(faces.corners.len());
+        let most = most.get(l).map_or(usize::MAX, |&n| n as usize);
         let mut values = ValueModels::new(width);
         let mut own: Vec<u32> = Vec::new();
         // The last wedge of each vertex, and the one before each wedge.
         let mut head = vec![NONE; vertices];
         let mut before: Vec<u32> = Vec::new();
         for f in 0..faces.len() {
+            ends_early(coder)?;
             let label = attributes.labels.get(f).copied().unwrap_or(0);
             let mut guess = values.last;
             let mut from = Far::Last;
@@ -114,6 +131,9 @@ pub fn code_base_layers<C: Coder>(
                     let value = if C::DECODING { [0; WIDTH] } else { padded(source.value(wanted)) };
                     let value = checked(code_far(coder, &mut values, from, guess, value))?;
                     let w = before.len() as u32;
+                    if before.len() >= most.min(MAX_WEDGES) {
+                        return Err(Nonsense("more wedges than the header announces"));
+                    }
                     before.push(head[v as usize]);
                     head[v as usize] = w;
                     if !C::DECODING {
@@ -155,14 +175,15 @@ pub fn code_lone_values<C: Coder>(
     lone: &mut Lone,
 ) -> Result<(), Nonsense> {
     let mut models = Models::default();
-    code_labels(coder, &mut models, scheme, &mut lone.labels, aside.len());
+    code_labels(coder, &mut models, scheme, &mut lone.labels, aside.len())?;
     let source = std::mem::take(lone);
     lone.labels.clone_from(&source.labels);
     for (l, &width) in scheme.widths.iter().enumerate() {
         let mut values = ValueModels::new(width);
         let given = |list: &Vec<Vec<Option<Value>>>, i: usize| list.get(l).and_then(|c| c.get(i).copied()).flatten();
-        let mut corners = Vec::new();
+        let mut corners = Vec::with_capacity(aside.corners.len());
         for f in 0..aside.len() {
+            ends_early(coder)?;
             let label = lone.labels.get(f).copied().unwrap_or(0);
             for k in aside.start[f]..aside.start[f + 1] {
                 corners.push(if scheme.has(label, l) {
@@ -175,12 +196,10 @@ pub fn code_lone_values<C: Coder>(
             }
         }
         lone.corners.push(corners);
-        let mut list = Vec::new();
+        let mut list = Vec::with_capacity(isolated);
         models.present = Bit::default();
         for i in 0..isolated {
-            if coder.overrun() {
-                return Err(Nonsense("values that end too early"));
-            }
+            ends_early(coder)?;
             let value = given(&source.isolated, i);
             list.push(if coder.bit(&mut models.present, value.is_some()) {
                 let guess = values.last;

@@ -2,10 +2,11 @@
 
 use super::super::range::Coder;
 use super::super::segment::{Nonsense, Source};
-use super::structure::{Group, Job, LayerScratch, Local};
+use super::structure::{Fresh, Group, Job, LayerScratch, Local, UNSETTLED};
 use super::values::{Far, VALUE_LIMIT, Value, WIDTH, code_far, code_pair, code_reach, similar};
 use crate::complex::placement::sub;
 use crate::complex::{MAX_WEDGES, NEW, NONE, WedgeBatch, first_of_middle, middle};
+use std::sync::atomic::Ordering::Relaxed;
 
 fn within(value: &Value) -> Result<(), Nonsense> {
     if value.iter().any(|c| c.unsigned_abs() > VALUE_LIMIT as u32) {
@@ -106,7 +107,7 @@ impl<C: Coder> Job<'_, C> {
                     out.changed.push(w);
                     out.changed_values.extend_from_slice(&a[..width]);
                     s.locals[two as usize].value = b;
-                    s.locals[two as usize].id = fresh(out, width, &b)?;
+                    s.locals[two as usize].id = self.fresh(out, &b)?;
                 }
             }
             s.groups[g].main = main;
@@ -129,33 +130,33 @@ impl<C: Coder> Job<'_, C> {
                 let v = code_far(self.coder, self.values, from, guess, s.locals[i].value);
                 within(&v)?;
                 s.locals[i].value = v;
-                s.locals[i].id = fresh(out, width, &v)?;
+                s.locals[i].id = self.fresh(out, &v)?;
             }
             for k in 0..s.fresh.len() {
-                let (x, key, name, _) = s.fresh[k];
+                let Fresh { x, key, triangle, .. } = s.fresh[k];
                 let v = if C::DECODING { [0; WIDTH] } else { source.value(self.l, key) };
-                let v = self.apex_value(s, x, name, v);
+                let v = self.apex_value(s, x, triangle as usize, v);
                 within(&v)?;
-                let id = fresh(out, width, &v)?;
-                s.inserted.iter_mut().filter(|t| t[2] == name).for_each(|t| t[2] = id);
-                s.fresh[k].2 = id;
+                s.fresh[k].id = self.fresh(out, &v)?;
+            }
+            // Numbers of new wedges are below `UNSETTLED`.
+            for t in &mut s.inserted {
+                if t[2] != NONE && t[2] & NEW != 0 && t[2] & UNSETTLED != 0 {
+                    t[2] = s.fresh[(t[2] & !(NEW | UNSETTLED)) as usize].id;
+                }
             }
         }
         if !C::DECODING {
             s.locals.iter().for_each(|local| source.named(self.l, local.id, local.key));
-            s.fresh.iter().for_each(|f| source.named(self.l, f.2, f.1));
+            s.fresh.iter().for_each(|f| source.named(self.l, f.id, f.key));
         }
         Ok(())
     }
 
     /// A new value at the apex `x`: by the fit around the wedge that its triangle continues, else by the shape of the triangle.
-    fn apex_value(&mut self, s: &LayerScratch, x: u32, name: u32, value: Value) -> Value {
+    fn apex_value(&mut self, s: &LayerScratch, x: u32, t: usize, value: Value) -> Value {
         let level = self.view.level;
         let r = sub(level.positions[x as usize], self.patch.at);
-        let Some(t) = s.inserted.iter().position(|t| t[2] == name) else {
-            let last = self.values.last;
-            return code_far(self.coder, self.values, Far::Last, last, value);
-        };
         let [one, two] = [s.inserted[t][0], s.inserted[t][1]].map(|local| s.locals[local as usize]);
         if one.group != NONE {
             let w = s.groups[one.group as usize].w;
@@ -219,14 +220,20 @@ impl<C: Coder> Job<'_, C> {
         }
         chain(last[child]).nth(index as usize).unwrap_or(last[child])
     }
-}
 
-/// A new wedge.
-fn fresh(out: &mut WedgeBatch, width: usize, value: &Value) -> Result<u32, Nonsense> {
-    let number = out.fresh.len() / width;
-    if number >= MAX_WEDGES >> 1 {
-        return Err(Nonsense("more wedges than a layer can have"));
+    /// A new wedge.
+    fn fresh(&self, out: &mut WedgeBatch, value: &Value) -> Result<u32, Nonsense> {
+        let width = self.wedges.width;
+        let number = out.fresh.len() / width;
+        if number >= UNSETTLED as usize || self.wedges.len() + number >= MAX_WEDGES {
+            return Err(Nonsense("more wedges than a layer can have"));
+        }
+        if let Some(room) = self.room.get(self.l)
+            && room.fetch_update(Relaxed, Relaxed, |r| r.checked_sub(1)).is_err()
+        {
+            return Err(Nonsense("more wedges than the header announces"));
+        }
+        out.fresh.extend_from_slice(&value[..width]);
+        Ok(NEW | number as u32)
     }
-    out.fresh.extend_from_slice(&value[..width]);
-    Ok(NEW | number as u32)
 }

@@ -5,7 +5,8 @@ use super::super::range::{Bit, Coder};
 use super::super::segment::{Nonsense, Source};
 use super::values::{Frame, Value, ValueModels, WIDTH};
 use super::{AttributeModels, Dress, Keys, LabelModels, Spoke};
-use crate::complex::{AttributeBatch, NEW, NONE, Side, Split, WedgeBatch, Wedges};
+use crate::complex::{AttributeBatch, BIG, NEW, NONE, Side, Split, WedgeBatch, Wedges};
+use std::sync::atomic::AtomicU64;
 
 /// Adaptive models of the structure of one layer.
 #[derive(Clone, Debug)]
@@ -82,6 +83,21 @@ struct Place {
     side: Side,
 }
 
+/// A new wedge at the apex of a triangle that appears.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Fresh {
+    /// The apex.
+    pub(super) x: u32,
+    pub(super) key: u32,
+    /// Its name, [`UNSETTLED`] until it has a number.
+    pub(super) id: u32,
+    /// The first triangle that has it.
+    pub(super) triangle: u32,
+}
+
+/// Marks the name of a new wedge at an apex that has no number yet, together with [`NEW`].
+pub(super) const UNSETTLED: u32 = 1 << 30;
+
 /// Buffers reused from split to split.
 #[derive(Clone, Debug, Default)]
 pub struct AttributeScratch {
@@ -102,8 +118,8 @@ pub(super) struct LayerScratch {
     pub(super) star: Vec<[u32; 2]>,
     pub(super) inserted: Vec<[u32; 3]>,
     places: Vec<Place>,
-    /// Apexes with a new wedge: vertex, key, number, value.
-    pub(super) fresh: Vec<(u32, u32, u32, Value)>,
+    /// New wedges at apexes.
+    pub(super) fresh: Vec<Fresh>,
     pub(super) ids: Vec<u32>,
     /// The spokes beside an element that appears, and their corners at its apex.
     pub(super) adjacent: Vec<(u32, u32)>,
@@ -111,10 +127,13 @@ pub(super) struct LayerScratch {
 
 /// Triangles from which on neighbours are looked up in an index.
 const MANY: usize = 8;
-/// Elements around an apex whose wedges are considered.
-const NEAR: usize = 256;
+/// Elements around an apex whose wedges are considered, new wedges at apexes too, and elements beside one that appears.
+const NEAR: usize = 64;
+/// Wedges of a group that a child has which are considered beside the last.
+const BACK: u32 = 64;
 
-/// Code the attributes of the split of `patch.vertex`, appending to `out`. `wedges` are those that layers may still gain.
+/// Code the attributes of the split of `patch.vertex`, appending to `out`. `room` is, for a decoder, how many wedges each layer may still gain
+/// in all segments of the batch; an encoder's is empty.
 #[allow(clippy::too_many_arguments)]
 pub fn code_attributes<C: Coder, S: Source>(
     coder: &mut C,
@@ -125,6 +144,7 @@ pub fn code_attributes<C: Coder, S: Source>(
     split: &Split,
     delta: [i32; 3],
     bias: i32,
+    room: &[AtomicU64],
     source: &mut S,
     out: &mut AttributeBatch,
 ) -> Result<(), Nonsense> {
@@ -166,15 +186,13 @@ pub fn code_attributes<C: Coder, S: Source>(
         let x = triangle.apex;
         if many {
             let from = index.partition_point(|e| e.0 < x);
-            adjacent.extend(index[from..].iter().take_while(|e| e.0 == x).map(|e| (e.1, e.2)));
+            adjacent.extend(index[from..].iter().take_while(|e| e.0 == x).take(NEAR).map(|e| (e.1, e.2)));
         } else {
-            for (k, s) in spokes.iter().enumerate() {
-                if faces.corners[s.next as usize] == x {
-                    adjacent.push((k as u32, s.next));
-                } else if faces.corners[s.prev as usize] == x {
-                    adjacent.push((k as u32, s.prev));
-                }
-            }
+            let at = |(k, s): (usize, &Spoke)| {
+                let corner = [s.next, s.prev].into_iter().find(|&c| faces.corners[c as usize] == x)?;
+                Some((k as u32, corner))
+            };
+            adjacent.extend(spokes.iter().enumerate().filter_map(at).take(NEAR));
         }
     };
     let inserted = split.triangles.len() + split.edges as usize;
@@ -182,6 +200,7 @@ pub fn code_attributes<C: Coder, S: Source>(
     if scheme.presence.len() > 1 {
         let mut last = 0u16;
         for t in 0..inserted {
+            ends_early(coder)?;
             beside(t, &mut rest.adjacent);
             let adjacent = &rest.adjacent;
             let label = |k: u32| {
@@ -202,11 +221,16 @@ pub fn code_attributes<C: Coder, S: Source>(
         let none = Keys::default();
         let keys = dress.layers.get(l).filter(|_| !C::DECODING).unwrap_or(&none);
         let mut job =
-            Job { coder, structure, values, view, wedges, l, patch, split, frame: &frame, bias, spokes, keys };
+            Job { coder, structure, values, view, wedges, l, patch, split, frame: &frame, bias, spokes, keys, room };
         let has = |t: usize| scheme.has(out.labels.get(labels + t).copied().unwrap_or(0), l);
         job.run(rest, source, &mut out.layers[l], star.len(), inserted, &has, &beside)?;
     }
     Ok(())
+}
+
+/// A split may say that very much appears: behind its end a stream is all zeros, no reason to go on with it.
+fn ends_early<C: Coder>(coder: &C) -> Result<(), Nonsense> {
+    if coder.overrun() { Err(Nonsense("a segment that ends too early")) } else { Ok(()) }
 }
 
 fn code_label<C: Coder>(
@@ -246,6 +270,7 @@ pub(super) struct Job<'a, C> {
     pub(super) bias: i32,
     pub(super) spokes: &'a [Spoke],
     pub(super) keys: &'a Keys,
+    pub(super) room: &'a [AtomicU64],
 }
 
 /// The key of a corner that an encoder has not been told; never asked for in earnest.
@@ -411,11 +436,15 @@ impl<C: Coder> Job<'_, C> {
                 continue;
             }
             let edge = t >= triangles;
+            ends_early(self.coder)?;
             beside(t, &mut s.adjacent);
             self.look(s);
             let keys = self.inserted_key(t);
             let wanted = self.wanted(s, source, keys, edge);
             let count = s.places.len();
+            if regular && count == 0 {
+                return Err(Nonsense("an element that continues nothing in a regular split"));
+            }
             let mut linked = count > 0;
             if !regular && count > 0 {
                 linked = self.coder.bit(&mut self.structure.linked[count.min(3)], wanted.is_some());
@@ -463,7 +492,7 @@ impl<C: Coder> Job<'_, C> {
             }
             if !edge {
                 let x = self.split.triangles[t].apex;
-                s.inserted[t][2] = self.apex(s, source, x, keys[2], place, regular)?;
+                s.inserted[t][2] = self.apex(s, source, t, x, keys[2], place, regular)?;
             }
         }
         self.settle(s, source, out, regular)
@@ -497,12 +526,14 @@ impl<C: Coder> Job<'_, C> {
             let g = &s.groups[p.group as usize];
             let has = |child: usize| {
                 let mut at = g.last[child];
-                while at != NONE {
+                let mut steps = 0;
+                while at != NONE && steps <= BACK {
                     let local = &s.locals[at as usize];
                     if local.key == keys[child] {
                         return true;
                     }
                     at = local.before;
+                    steps += 1;
                 }
                 false
             };
@@ -519,7 +550,8 @@ impl<C: Coder> Job<'_, C> {
             return None;
         }
         let known = |local: &&Local| local.group != NONE && local.key == keys[local.child as usize];
-        s.locals.iter().find(known).map(|local| local.group)
+        // Any will do, and so will none: a hub need not be searched through for each of its triangles.
+        s.locals.iter().take(1 << 12).find(known).map(|local| local.group)
     }
 
     /// The one wedge that a child has of a group.
@@ -540,19 +572,20 @@ impl<C: Coder> Job<'_, C> {
         if self.coder.bit(&mut self.structure.same[(count.min(2) - 1) as usize], s.locals[last as usize].key == key) {
             return last;
         }
-        // How many back.
-        let mut at = s.locals[last as usize].before;
+        // How many back. What lies too far back counts as new.
+        let choices = (count - 1).min(BACK);
         let mut back = 0;
         if !C::DECODING {
-            while at != NONE && s.locals[at as usize].key != key {
+            let mut at = s.locals[last as usize].before;
+            while back < choices && s.locals[at as usize].key != key {
                 at = s.locals[at as usize].before;
                 back += 1;
             }
         }
-        if count == 1 || self.coder.bit(&mut self.structure.new[1], at == NONE) {
+        if choices == 0 || self.coder.bit(&mut self.structure.new[1], back == choices) {
             return push_local(s, group, child, key);
         }
-        let back = self.coder.uniform(count - 1, back.min(count - 2));
+        let back = self.coder.uniform(choices, back.min(choices - 1));
         let mut at = s.locals[last as usize].before;
         for _ in 0..back {
             at = s.locals[at as usize].before;
@@ -561,10 +594,12 @@ impl<C: Coder> Job<'_, C> {
     }
 
     /// The wedge at the apex: that of the place continued, another one of the apex, or a new one.
+    #[allow(clippy::too_many_arguments)]
     fn apex<S: Source>(
         &mut self,
         s: &mut LayerScratch,
         source: &S,
+        t: usize,
         x: u32,
         key: u32,
         place: Option<Place>,
@@ -581,7 +616,12 @@ impl<C: Coder> Job<'_, C> {
             s.ids.clear();
             let faces = &self.view.level.faces;
             for &f in self.view.star.get(x).iter().take(NEAR) {
-                let at = faces.get(f).iter().position(|&y| y == x).unwrap_or(0);
+                let corners = faces.get(f);
+                // Looking through large elements from every apex would cost the square of their size.
+                if corners.len() > BIG {
+                    continue;
+                }
+                let at = corners.iter().position(|&y| y == x).unwrap_or(0);
                 let w = self.wedges.corner[faces.start[f as usize] as usize + at];
                 if w != NONE {
                     s.ids.push(w);
@@ -590,13 +630,14 @@ impl<C: Coder> Job<'_, C> {
             s.ids.sort_unstable();
             s.ids.dedup();
             let old = s.ids.len();
-            s.ids.extend(s.fresh.iter().filter(|f| f.0 == x).map(|f| f.2));
+            let newest = s.fresh.len().saturating_sub(NEAR);
+            s.ids.extend(s.fresh[newest..].iter().filter(|f| f.x == x).map(|f| f.id));
             old
         };
         let mut found = None;
         if !C::DECODING {
             let old = list(s);
-            let fresh = |id: u32| s.fresh.iter().find(|f| f.2 == id).map_or(UNKNOWN, |f| f.1);
+            let fresh = |id: u32| s.fresh.get((id & !(NEW | UNSETTLED)) as usize).map_or(UNKNOWN, |f| f.key);
             found = (0..s.ids.len()).find(|&i| (if i < old { key_of(s.ids[i]) } else { fresh(s.ids[i]) }) == key);
         }
         if self.coder.bit(&mut self.structure.apex[1 + place.is_some() as usize], found.is_some()) {
@@ -610,8 +651,8 @@ impl<C: Coder> Job<'_, C> {
             return Ok(s.ids[i as usize]);
         }
         // Numbered when the wedges of the children are.
-        let id = NEW | (1 << 30) | s.fresh.len() as u32;
-        s.fresh.push((x, key, id, [0; WIDTH]));
+        let id = NEW | UNSETTLED | s.fresh.len() as u32;
+        s.fresh.push(Fresh { x, key, id, triangle: t as u32 });
         Ok(id)
     }
 
