@@ -123,11 +123,15 @@ pub fn refine_attributes(
     batch: &Batch,
     fine: &Refined,
 ) -> Attributes {
+    let coarse_vertices = fine.level.positions.len() - batch.len() - batch.births.len();
+    let mut splits = vec![false; coarse_vertices];
+    batch.vertex.iter().for_each(|&v| splits[v as usize] = true);
+    let ground = Ground { faces, touched, splits: &splits };
     let layers = coarse
         .layers
         .into_iter()
         .zip(&batch.attributes.layers)
-        .map(|(wedges, changes)| refine_layer(wedges, changes, faces, touched, batch, fine))
+        .map(|(wedges, changes)| refine_layer(wedges, changes, ground, batch, fine))
         .collect();
     let labels = if coarse.labels.is_empty() && batch.attributes.labels.is_empty() {
         Vec::new()
@@ -141,14 +145,17 @@ pub fn refine_attributes(
     Attributes { layers, labels }
 }
 
-fn refine_layer(
-    coarse: Wedges,
-    changes: &WedgeBatch,
-    faces: &Faces,
-    touched: &[u32],
-    batch: &Batch,
-    fine: &Refined,
-) -> Wedges {
+/// The coarser level as its layers see it.
+#[derive(Clone, Copy)]
+struct Ground<'a> {
+    faces: &'a Faces,
+    touched: &'a [u32],
+    /// Whether a vertex splits.
+    splits: &'a [bool],
+}
+
+fn refine_layer(coarse: Wedges, changes: &WedgeBatch, ground: Ground, batch: &Batch, fine: &Refined) -> Wedges {
+    let Ground { faces, touched, splits } = ground;
     let base = coarse.len() as u32;
     let Wedges { width, corner: old, mut values } = coarse;
     values.extend_from_slice(&changes.fresh);
@@ -198,7 +205,7 @@ fn refine_layer(
                     let one = changes.star[entry as usize];
                     let mut k = 0;
                     for (&x, &w) in coarse.iter().zip(own) {
-                        if batch.vertex.binary_search(&x).is_err() {
+                        if !splits[x as usize] {
                             out[k] = w;
                             k += 1;
                             continue;

@@ -123,10 +123,15 @@ pub(super) struct LayerScratch {
     pub(super) ids: Vec<u32>,
     /// The spokes beside an element that appears, and their corners at its apex.
     pub(super) adjacent: Vec<(u32, u32)>,
+    /// The places of the first elements that appear, one list behind the other, and the end of each.
+    listed: Vec<Place>,
+    ends: Vec<u32>,
 }
 
 /// Triangles from which on neighbours are looked up in an index.
 const MANY: usize = 8;
+/// Elements that appear whose places are kept.
+const KEPT: usize = 4;
 /// Elements around an apex whose wedges are considered, new wedges at apexes too, and elements beside one that appears.
 const NEAR: usize = 64;
 /// Wedges of a group that a child has which are considered beside the last.
@@ -344,6 +349,8 @@ impl<C: Coder> Job<'_, C> {
         let mut torn = 0;
         let mut any = false;
         let triangles = self.split.triangles.len();
+        s.listed.clear();
+        s.ends.clear();
         for t in 0..inserted {
             if has(t) {
                 any = true;
@@ -352,7 +359,13 @@ impl<C: Coder> Job<'_, C> {
                     beside(t, &mut s.adjacent);
                     self.look(s);
                     torn += (s.places.len() != 1) as usize;
+                    if t < KEPT {
+                        s.listed.extend_from_slice(&s.places);
+                    }
                 }
+            }
+            if t < KEPT {
+                s.ends.push(s.listed.len() as u32);
             }
         }
         s.star.clear();
@@ -437,8 +450,7 @@ impl<C: Coder> Job<'_, C> {
             }
             let edge = t >= triangles;
             ends_early(self.coder)?;
-            beside(t, &mut s.adjacent);
-            self.look(s);
+            self.recall(s, t, beside);
             let keys = self.inserted_key(t);
             let wanted = self.wanted(s, source, keys, edge);
             let count = s.places.len();
@@ -496,6 +508,18 @@ impl<C: Coder> Job<'_, C> {
             }
         }
         self.settle(s, source, out, regular)
+    }
+
+    /// The places of element `t`, as they were listed or anew.
+    fn recall(&self, s: &mut LayerScratch, t: usize, beside: &Beside) {
+        if t < s.ends.len().min(self.split.triangles.len()) {
+            let from = if t == 0 { 0 } else { s.ends[t - 1] as usize };
+            s.places.clear();
+            s.places.extend_from_slice(&s.listed[from..s.ends[t] as usize]);
+        } else {
+            beside(t, &mut s.adjacent);
+            self.look(s);
+        }
     }
 
     /// List the places that what `s.adjacent` is beside may continue.
@@ -688,8 +712,7 @@ impl<C: Coder> Job<'_, C> {
                 continue;
             }
             let edge = t >= self.split.triangles.len();
-            beside(t, &mut s.adjacent);
-            self.look(s);
+            self.recall(s, t, beside);
             let keys = self.inserted_key(t);
             let Some(chosen) = self.wanted(s, source, keys, edge) else { return false };
             let p = s.places[chosen];
