@@ -228,28 +228,28 @@ mod tests {
     use super::*;
     use crate::complex::Wedges;
 
-    /// A grid of 5 by 3 vertices in quads, the middle column of which is a seam between two charts.
+    /// A grid of 5 by 4 vertices in quads, the middle column of which is a seam between two charts.
     fn grid() -> (Faces, Vec<[f32; 3]>, Attributes) {
         let mut faces = Faces::new();
         let mut corner = Vec::new();
-        for y in 0..2 {
+        for y in 0..3 {
             for x in 0..4u32 {
                 let v = y * 5 + x;
                 faces.push(&[v, v + 1, v + 6, v + 5]);
                 // One wedge a vertex and chart.
-                let chart = 15 * u32::from(x >= 2);
+                let chart = 20 * u32::from(x >= 2);
                 corner.extend([v, v + 1, v + 6, v + 5].map(|v| v + chart));
             }
         }
-        let positions = (0..15).map(|v| [(v % 5) as f32, (v / 5) as f32, 0.0]).collect();
-        let layer = Wedges { width: 1, corner, values: vec![0; 30] };
+        let positions = (0..20).map(|v| [(v % 5) as f32, (v / 5) as f32, 0.0]).collect();
+        let layer = Wedges { width: 1, corner, values: vec![0; 40] };
         (faces, positions, Attributes { layers: vec![layer], labels: Vec::new() })
     }
 
     fn of(a: u32, b: u32, bend: f32) -> (SeamPatch, f32) {
         let (faces, mut positions, attributes) = grid();
         positions[7][0] += bend;
-        let star = Star::build(15, &faces);
+        let star = Star::build(20, &faces);
         let input =
             SeamInput { faces: &faces, star: &star, positions: &positions, attributes: &attributes, layers: &[0] };
         let mut patch = SeamPatch::default();
@@ -280,11 +280,11 @@ mod tests {
         let (faces, positions, mut attributes) = grid();
         // The seam ends at vertex 7: there, both charts have one wedge.
         for w in &mut attributes.layers[0].corner {
-            if *w == 22 {
+            if *w == 27 {
                 *w = 7;
             }
         }
-        let star = Star::build(15, &faces);
+        let star = Star::build(20, &faces);
         let input =
             SeamInput { faces: &faces, star: &star, positions: &positions, attributes: &attributes, layers: &[0] };
         let mut patch = SeamPatch::default();
@@ -295,15 +295,15 @@ mod tests {
     #[test]
     fn materials_count_as_seams() {
         let (faces, positions, mut attributes) = grid();
-        attributes.labels = (0..8).map(|f| u16::from(f % 4 >= 2)).collect();
+        attributes.labels = (0..12).map(|f| u16::from(f % 4 >= 2)).collect();
         attributes.layers.clear();
-        let star = Star::build(15, &faces);
+        let star = Star::build(20, &faces);
         let input =
             SeamInput { faces: &faces, star: &star, positions: &positions, attributes: &attributes, layers: &[] };
         let mut patch = SeamPatch::default();
         SeamReader::default().read(&input, 6, 7, &mut patch);
         assert!(patch.torn);
-        SeamReader::default().read(&input, 2, 7, &mut patch);
+        SeamReader::default().read(&input, 7, 12, &mut patch);
         assert!(!patch.torn && patch.on_seam);
     }
 }
