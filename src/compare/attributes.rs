@@ -18,6 +18,22 @@ pub fn exact(_: usize, _: &Layer, value: &[f64]) -> [i64; MAX_WIDTH as usize] {
     out
 }
 
+/// The key by which a `.lods` file keeps attributes: values with equal integers are equal. `layers` are those of its header; a
+/// direction on the rim of its square has two places, of which one is what comes back.
+pub fn quantized(
+    layers: &[crate::container::LayerHeader],
+) -> impl Fn(usize, &Layer, &[f64]) -> [i64; MAX_WIDTH as usize] + '_ {
+    |n, layer, value| {
+        // A layer that the file does not list has lost its match already; exact bits tell it apart.
+        let Some(info) = layers.get(n) else { return exact(n, layer, value) };
+        let (quantizer, kind) = (info.quantizer, layer.kind);
+        let mut back = [0.0; MAX_WIDTH as usize];
+        let back = &mut back[..layer.width.min(MAX_WIDTH) as usize];
+        quantizer.restore(kind, &quantizer.quantize(kind, value), back);
+        quantizer.quantize(kind, back).map(i64::from)
+    }
+}
+
 /// Compare attributes of two meshes that are equal [by map](by_map): layers at corners and isolated vertices, materials of faces, and the
 /// appearance.
 ///

@@ -9,7 +9,7 @@
 
 mod attributes;
 
-pub use attributes::{Key, attributes_by_map, attributes_by_position, exact};
+pub use attributes::{Key, attributes_by_map, attributes_by_position, exact, quantized};
 
 use crate::lattice::{Lattice, LatticeError};
 use crate::mesh::Mesh;

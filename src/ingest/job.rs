@@ -1,11 +1,12 @@
 //! One file: fetched, checked against what is there, read, encoded, stamped, verified, written.
 
+use super::beside::Beside;
 use super::error::{Failure, FailureKind};
 use super::ledger::Cores;
 use super::location::Object;
 use super::output::{self, Staging};
 use super::settings::Settings;
-use super::stamp::{Stamp, hex, source_checksum};
+use super::stamp::{Stamp, hex};
 use super::{Event, Observer, predict};
 use crate::compare;
 use crate::container::{Front, Parsed};
@@ -16,7 +17,6 @@ use rayon::ThreadPool;
 use serde::Serialize;
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -215,12 +215,9 @@ fn work(
         })
     })?;
     let bytes = job.object.read()?;
-    let beside = Beside::fetch(&job.object, &bytes, format)?;
+    let beside = Beside::fetch(&job.object, &bytes, format, job.settings.drop)?;
     job.record.bytes_in = bytes.len() as u64 + beside.bytes;
-    let stamp = Stamp {
-        source: source_checksum(std::iter::once(&bytes[..]).chain(beside.parts.iter().map(Vec::as_slice))),
-        settings: job.settings.checksum(),
-    };
+    let stamp = Stamp { source: beside.checksum, settings: job.settings.checksum() };
     job.record.sha256 = Some(hex(&stamp.source));
     job.record.seconds.fetch = since(clock);
     if there == Some(stamp) {
@@ -229,7 +226,10 @@ fn work(
     }
     if !job.survey.exact {
         job.survey = read::survey(Cursor::new(&bytes), format).map_err(|e| Failure::reading(name, &e))?;
-        let charge = predict::peak(&job.survey, bytes.len() as u64);
+    }
+    // Images beside the source are known only now.
+    let charge = predict::peak(&job.survey, bytes.len() as u64, beside.images);
+    if charge != job.charge {
         if charge > around.memory {
             return Err(too_large(name, charge, around.memory));
         }
@@ -293,19 +293,12 @@ fn compute(
     }
     let clock = Instant::now();
     let options = ReadOptions { weld: job.settings.weld, memory_limit: Some(around.memory), drop: job.settings.drop };
-    let folder = match (&job.object, &beside.folder) {
-        (_, Some(folder)) => Some(folder.path()),
-        (Object::Local(path), None) => {
-            Some(path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")))
-        }
-        (Object::Stored(..), None) => None,
-    };
     let packed = job.object.path().extension().is_some_and(|e| e.eq_ignore_ascii_case("gz"));
     if packed && !bytes.starts_with(&[0x1f, 0x8b]) {
         let kind = ReadErrorKind::WrongMagic { format: "gzip", expected: "1f 8b", found: "something else".to_string() };
         return Err(read_failure(ReadError { name: name.to_string(), place: None, kind }));
     }
-    let read = read::read_bytes(&bytes, format, folder, &options)
+    let read = read::read_bytes(&bytes, format, beside.folder.as_deref(), &options)
         .map_err(|e| read_failure(ReadError { name: name.to_string(), ..e }))?;
     drop(bytes);
     job.record.warnings = read.warnings.iter().map(ToString::to_string).collect();
@@ -335,17 +328,22 @@ fn compute(
     Ok(stamped)
 }
 
-/// Decode a file in full and compare it with its source, vertex by vertex and face by face.
+/// Decode a file in full and compare it with its source: vertices, faces, attributes, materials and images.
 fn verify(file: &[u8], read: &ReadMesh, map: &[u32]) -> Result<(), String> {
-    let lattice = match Front::parse(file).map_err(|e| e.to_string())? {
-        Parsed::Ready(front) => front.header().lattice,
+    let header = match Front::parse(file).map_err(|e| e.to_string())? {
+        Parsed::Ready(front) => front.header().clone(),
         Parsed::NeedBytes(_) => return Err("its front is not whole".to_string()),
     };
     let mut decoder = Decoder::new(DecodeOptions::default());
     decoder.push(file);
     while let Step::Level(_) = decoder.next_level().map_err(|e| e.to_string())? {}
     decoder.finish().map_err(|e| e.to_string())?;
-    compare::by_map(&read.mesh, &decoder.to_mesh(), &lattice, map).map_err(|e| e.to_string())
+    let decoded = decoder.to_mesh();
+    let layers = &header.attributes.layers;
+    // The map of the encoder, not that of the reader: it speaks of the vertices of the mesh that was encoded.
+    compare::by_map(&read.mesh, &decoded, &header.lattice, map)
+        .and_then(|()| compare::attributes_by_map(&read.mesh, &decoded, map, &compare::quantized(layers)))
+        .map_err(|e| e.to_string())
 }
 
 /// The failure of a file that can never fit.
@@ -369,78 +367,4 @@ pub(super) fn read_failure(e: ReadError) -> Failure {
         _ => FailureKind::Input,
     };
     Failure::new(kind, e.to_string())
-}
-
-/// The files beside a glTF document that its mesh needs.
-#[derive(Default)]
-struct Beside {
-    /// Their bytes, in the order in which the document names them: for the checksum.
-    parts: Vec<Vec<u8>>,
-    bytes: u64,
-    /// Where they were put, if the document itself lies in a store.
-    folder: Option<tempfile::TempDir>,
-}
-
-impl Beside {
-    fn fetch(object: &Object, document: &[u8], format: Format) -> Result<Self, Failure> {
-        let mut beside = Beside::default();
-        if format != Format::Gltf {
-            return Ok(beside);
-        }
-        let stored = matches!(object, Object::Stored(..));
-        for reference in buffer_references(document) {
-            // What is missing or lies elsewhere, reading will tell with its place in the document.
-            let Some(object) = object.beside(&reference) else { continue };
-            let bytes = match object.read() {
-                Ok(bytes) => bytes,
-                Err(f) if f.kind == FailureKind::Missing => continue,
-                Err(f) => return Err(f),
-            };
-            if stored {
-                let mut put = || {
-                    if beside.folder.is_none() {
-                        beside.folder = Some(tempfile::tempdir()?);
-                    }
-                    if let Some(folder) = &beside.folder {
-                        let path = folder.path().join(&reference);
-                        path.parent().map_or(Ok(()), std::fs::create_dir_all)?;
-                        std::fs::write(path, &bytes)?;
-                    }
-                    Ok(())
-                };
-                put().map_err(|e: std::io::Error| Failure::writing("a temporary file", &e))?;
-            }
-            beside.bytes += bytes.len() as u64;
-            beside.parts.push(bytes);
-        }
-        Ok(beside)
-    }
-}
-
-/// The files that the buffers of a glTF document lie in.
-fn buffer_references(document: &[u8]) -> Vec<String> {
-    let json: serde_json::Value = serde_json::from_slice(document).unwrap_or_default();
-    let buffers = json.get("buffers").and_then(|b| b.as_array()).cloned().unwrap_or_default();
-    let uris = buffers.iter().filter_map(|b| b.get("uri")?.as_str().map(str::to_string));
-    uris.filter(|u| !u.starts_with("data:")).map(|u| percent_decoded(&u)).collect()
-}
-
-fn percent_decoded(text: &str) -> String {
-    let mut out = Vec::with_capacity(text.len());
-    let bytes = text.as_bytes();
-    let mut i = 0;
-    while let Some(&b) = bytes.get(i) {
-        let hex = bytes.get(i + 1..i + 3).and_then(|h| u8::from_str_radix(std::str::from_utf8(h).ok()?, 16).ok());
-        match (b, hex) {
-            (b'%', Some(value)) => {
-                out.push(value);
-                i += 3;
-            }
-            _ => {
-                out.push(b);
-                i += 1;
-            }
-        }
-    }
-    String::from_utf8_lossy(&out).into_owned()
 }

@@ -53,20 +53,6 @@ impl Object {
             }
         }
     }
-
-    /// The object beside this one that a relative reference names; only downwards, never up or elsewhere.
-    pub fn beside(&self, reference: &str) -> Option<Object> {
-        if !is_plain(reference) {
-            return None;
-        }
-        Some(match self {
-            Object::Local(path) => Object::Local(path.parent().unwrap_or(Path::new("")).join(reference)),
-            Object::Stored(store, key) => {
-                let folder = key.rfind('/').map_or("", |i| &key[..=i]);
-                Object::Stored(store.clone(), format!("{folder}{reference}"))
-            }
-        })
-    }
 }
 
 /// A relative path that goes down only.

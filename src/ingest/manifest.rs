@@ -1,13 +1,14 @@
 //! Manifests: which files, and how each is to be encoded. CSV, JSON lines or TOML, by the extension of the file.
 //!
 //! A manifest is read and checked as a whole before any work starts; every error names its line. Fields, the same in all
-//! three: `source` (needed), `output`, `position_bits`, `position_step`, `origin`, `lock_borders`, `weld`, `drop`. What
-//! an entry leaves out is as the command line says; TOML has a table `[defaults]` in between, and one `[[job]]` for each file.
+//! three: `source` (needed), `output`, `position_bits`, `position_step`, `origin`, `uv_bits`, `uv_step`, `normal_bits`,
+//! `color_bits`, `scalar_bits`, `lock_borders`, `weld`, `drop`. What an entry leaves out is as the command line says; TOML has a table `[defaults]` in between, and one `[[job]]` for each file.
 
 use super::error::IngestError;
 use super::location::{is_plain, output_name};
 use super::settings::{DROP_NAMES, Settings, drop_set};
 use crate::lattice::Quantization;
+use crate::quantizer::Precision;
 use serde::Deserialize;
 use std::collections::HashMap;
 use std::path::Path;
@@ -34,6 +35,11 @@ struct Entry {
     position_bits: Option<i64>,
     position_step: Option<f64>,
     origin: Option<Point>,
+    uv_bits: Option<i64>,
+    uv_step: Option<f64>,
+    normal_bits: Option<i64>,
+    color_bits: Option<i64>,
+    scalar_bits: Option<i64>,
     lock_borders: Option<bool>,
     weld: Option<bool>,
     drop: Option<Words>,
@@ -148,11 +154,7 @@ fn job(line: u64, entry: Entry, base: &Settings) -> Result<Job, String> {
     let Some(source) = source else { return Err("there is no source; name the mesh".to_string()) };
     match (entry.position_bits, entry.position_step) {
         (Some(_), Some(_)) => return Err("position_bits and position_step exclude each other; give one".to_string()),
-        (Some(bits), None) => {
-            let bits = u8::try_from(bits).ok().filter(|b| (1..=21).contains(b));
-            settings.encode.quantization =
-                Quantization::Bits(bits.ok_or("position_bits is a number from 1 to 21".to_string())?);
-        }
+        (Some(n), None) => settings.encode.quantization = Quantization::Bits(bits("position_bits", n, 1, 21)?),
         (None, Some(step)) if step > 0.0 && step.is_finite() => {
             settings.encode.quantization = Quantization::Step { step, origin: None };
         }
@@ -174,6 +176,22 @@ fn job(line: u64, entry: Entry, base: &Settings) -> Result<Job, String> {
             Quantization::Step { origin, .. } => *origin = Some(point),
             Quantization::Bits(_) => return Err("origin needs position_step; add it".to_string()),
         }
+    }
+    match (entry.uv_bits, entry.uv_step) {
+        (Some(_), Some(_)) => return Err("uv_bits and uv_step exclude each other; give one".to_string()),
+        (Some(n), None) => settings.encode.uv = Precision::Bits(bits("uv_bits", n, 1, 24)?),
+        (None, Some(step)) if step > 0.0 && step.is_finite() => settings.encode.uv = Precision::Step(step),
+        (None, Some(_)) => return Err("uv_step is a positive number, as in 0.000244140625".to_string()),
+        (None, None) => {}
+    }
+    if let Some(n) = entry.normal_bits {
+        settings.encode.normal_bits = bits("normal_bits", n, 2, 16)?;
+    }
+    if let Some(n) = entry.color_bits {
+        settings.encode.color_bits = bits("color_bits", n, 1, 16)?;
+    }
+    if let Some(n) = entry.scalar_bits {
+        settings.encode.scalar_bits = bits("scalar_bits", n, 1, 24)?;
     }
     if let Some(lock) = entry.lock_borders {
         settings.encode.lock_borders = lock;
@@ -205,6 +223,12 @@ fn job(line: u64, entry: Entry, base: &Settings) -> Result<Job, String> {
     Ok(Job { line, source, output, settings })
 }
 
+/// A number of bits within its range.
+fn bits(name: &str, n: i64, least: u8, most: u8) -> Result<u8, String> {
+    let found = u8::try_from(n).ok().filter(|b| (least..=most).contains(b));
+    found.ok_or_else(|| format!("{name} is a number from {least} to {most}"))
+}
+
 fn csv_entries(text: &str, errors: &mut Errors<'_>) -> Vec<(u64, Entry)> {
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text.as_bytes());
     let mut entries = Vec::new();
@@ -215,8 +239,21 @@ fn csv_entries(text: &str, errors: &mut Errors<'_>) -> Vec<(u64, Entry)> {
             return entries;
         }
     };
-    const KNOWN: [&str; 8] =
-        ["source", "output", "position_bits", "position_step", "origin", "lock_borders", "weld", "drop"];
+    const KNOWN: [&str; 13] = [
+        "source",
+        "output",
+        "position_bits",
+        "position_step",
+        "origin",
+        "uv_bits",
+        "uv_step",
+        "normal_bits",
+        "color_bits",
+        "scalar_bits",
+        "lock_borders",
+        "weld",
+        "drop",
+    ];
     for header in &headers {
         if !KNOWN.contains(&header) {
             errors.add(1, format!("the column {header:?} is not known; known are {}", KNOWN.join(", ")));
@@ -287,6 +324,11 @@ fn csv_entry(headers: &csv::StringRecord, record: &csv::StringRecord) -> Result<
             "position_bits" => entry.position_bits = Some(field.parse().map_err(|_| number())?),
             "position_step" => entry.position_step = Some(field.parse().map_err(|_| number())?),
             "origin" => entry.origin = Some(Point::Text(field.to_string())),
+            "uv_bits" => entry.uv_bits = Some(field.parse().map_err(|_| number())?),
+            "uv_step" => entry.uv_step = Some(field.parse().map_err(|_| number())?),
+            "normal_bits" => entry.normal_bits = Some(field.parse().map_err(|_| number())?),
+            "color_bits" => entry.color_bits = Some(field.parse().map_err(|_| number())?),
+            "scalar_bits" => entry.scalar_bits = Some(field.parse().map_err(|_| number())?),
             "lock_borders" => entry.lock_borders = Some(flag()?),
             "weld" => entry.weld = Some(flag()?),
             _ => entry.drop = Some(Words::Text(field.to_string())),
@@ -352,6 +394,13 @@ fn toml_entries(text: &str, errors: &mut Errors<'_>) -> Vec<(u64, Entry)> {
             entry.position_step = base.position_step;
             entry.origin = entry.origin.or_else(|| base.origin.clone());
         }
+        // So does its own precision of texture coordinates.
+        if entry.uv_bits.is_none() && entry.uv_step.is_none() {
+            (entry.uv_bits, entry.uv_step) = (base.uv_bits, base.uv_step);
+        }
+        entry.normal_bits = entry.normal_bits.or(base.normal_bits);
+        entry.color_bits = entry.color_bits.or(base.color_bits);
+        entry.scalar_bits = entry.scalar_bits.or(base.scalar_bits);
         entry.lock_borders = entry.lock_borders.or(base.lock_borders);
         entry.weld = entry.weld.or(base.weld);
         entry.drop = entry.drop.or_else(|| base.drop.clone());
@@ -373,15 +422,17 @@ mod tests {
 
     #[test]
     fn the_three_kinds_say_the_same() {
-        let csv = "source,output,position_bits,position_step,origin,lock_borders,weld,drop\n\
-                   a/one.ply,,14,,,,,\n\
+        let csv = "source,output,position_bits,position_step,origin,lock_borders,weld,drop,uv_bits,uv_step,normal_bits,color_bits,scalar_bits\n\
+                   a/one.ply,,14,,,,,,15,,,,\n\
                    # a comment\n\
-                   two.obj,x/two,,0.001,\"1,2,3\",true,no,\"uvs,normals\"\n";
-        let jsonl = "{\"source\":\"a/one.ply\",\"position_bits\":14}\n\n\n\
+                   two.obj,x/two,,0.001,\"1,2,3\",true,no,\"uvs,normals\",,0.5,12,10,20\n";
+        let jsonl = "{\"source\":\"a/one.ply\",\"position_bits\":14,\"uv_bits\":15}\n\n\n\
                      {\"source\":\"two.obj\",\"output\":\"x/two\",\"position_step\":0.001,\"origin\":[1,2,3],\
-                     \"lock_borders\":true,\"weld\":false,\"drop\":[\"uvs\",\"normals\"]}\n";
-        let toml = "[[job]]\nsource = \"a/one.ply\"\nposition_bits = 14\n[[job]]\nsource = \"two.obj\"\noutput = \"x/two\"\n\
-                    position_step = 0.001\norigin = [1.0, 2.0, 3.0]\nlock_borders = true\nweld = false\ndrop = \"uvs normals\"\n";
+                     \"lock_borders\":true,\"weld\":false,\"drop\":[\"uvs\",\"normals\"],\
+                     \"uv_step\":0.5,\"normal_bits\":12,\"color_bits\":10,\"scalar_bits\":20}\n";
+        let toml = "[[job]]\nsource = \"a/one.ply\"\nposition_bits = 14\nuv_bits = 15\n[[job]]\nsource = \"two.obj\"\noutput = \"x/two\"\n\
+                    position_step = 0.001\norigin = [1.0, 2.0, 3.0]\nlock_borders = true\nweld = false\ndrop = \"uvs normals\"\n\
+                    uv_step = 0.5\nnormal_bits = 12\ncolor_bits = 10\nscalar_bits = 20\n";
         let read = |kind, text: &str| parse("jobs", kind, text.as_bytes(), &Settings::default()).unwrap();
         let jobs = read("csv", csv);
         assert_eq!(
@@ -392,6 +443,9 @@ mod tests {
         let lattice = Quantization::Step { step: 0.001, origin: Some([1.0, 2.0, 3.0]) };
         assert_eq!(jobs[1].settings.encode.quantization, lattice);
         assert!(jobs[1].settings.encode.lock_borders && jobs[1].settings.weld == Some(false));
+        assert_eq!(jobs[0].settings.encode.uv, Precision::Bits(15));
+        let e = &jobs[1].settings.encode;
+        assert_eq!((e.uv, e.normal_bits, e.color_bits, e.scalar_bits), (Precision::Step(0.5), 12, 10, 20));
         assert_eq!(Ok(jobs[1].settings.drop), drop_set(["uvs", "normals"]));
         let strip = |jobs: Vec<Job>| jobs.into_iter().map(|j| Job { line: 0, ..j }).collect::<Vec<_>>();
         assert_eq!(strip(read("jsonl", jsonl)), strip(jobs.clone()));
@@ -428,7 +482,25 @@ mod tests {
         assert_eq!(list.len(), expected.len());
         assert_eq!(
             errors("csv", "file,bits\na,1\n")[0],
-            "jobs, line 1: the column \"file\" is not known; known are source, output, position_bits, position_step, origin, lock_borders, weld, drop"
+            "jobs, line 1: the column \"file\" is not known; known are source, output, position_bits, position_step, origin, uv_bits, uv_step, normal_bits, color_bits, scalar_bits, lock_borders, weld, drop"
+        );
+        // Fields are read before they are understood: the order of the errors is not that of the lines.
+        let mut list = errors(
+            "csv",
+            "source,uv_bits,uv_step,normal_bits,color_bits,scalar_bits\na.ply,25,,,,\nb.ply,,-1,,,\nc.ply,12,0.1,,,\n\
+                 d.ply,,,1,,\ne.ply,,,,17,\nf.ply,,,,,x\n",
+        );
+        list.sort();
+        assert_eq!(
+            list,
+            [
+                "jobs, line 2: uv_bits is a number from 1 to 24",
+                "jobs, line 3: uv_step is a positive number, as in 0.000244140625",
+                "jobs, line 4: uv_bits and uv_step exclude each other; give one",
+                "jobs, line 5: normal_bits is a number from 2 to 16",
+                "jobs, line 6: color_bits is a number from 1 to 16",
+                "jobs, line 7: scalar_bits is a number, not \"x\"",
+            ]
         );
     }
 

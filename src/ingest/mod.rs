@@ -11,6 +11,7 @@
 //! - The bytes of an output depend on source and settings alone: not on order, jobs, cores, shards or earlier runs.
 //! - Memory does not grow with the number of files, but for a hash of each name.
 
+mod beside;
 mod error;
 mod job;
 mod ledger;

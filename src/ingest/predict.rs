@@ -17,8 +17,12 @@ const WELD: u64 = 20;
 /// Vertices from which a file gets all cores to itself.
 pub const LARGE: u64 = 2_000_000;
 
-/// The peak of one file, beyond what the process takes without it. `stored`: bytes of the file as it is stored.
-pub fn peak(s: &Survey, stored: u64) -> u64 {
+/// How often the bytes of an image are in memory at the end: in the mesh, in its chunk, in the output, in the stamped output.
+const IMAGE: u64 = 4;
+
+/// The peak of one file, beyond what the process takes without it. `stored`: bytes of the file as it is stored; `images`: of
+/// the images beside it.
+pub fn peak(s: &Survey, stored: u64, images: u64) -> u64 {
     let dot = |a: &[u64], b: &[u64]| a.iter().zip(b).fold(0u64, |sum, (x, y)| sum.saturating_add(x.saturating_mul(*y)));
     let mesh = dot(&MESH, &[s.vertices, s.corners, s.elements, s.records]);
     let packed = if s.unpacked > stored { stored } else { 0 };
@@ -28,7 +32,8 @@ pub fn peak(s: &Survey, stored: u64) -> u64 {
     let records = MESH[3].saturating_mul(s.records.saturating_sub(s.vertices));
     let isolated = ISOLATED.saturating_mul(s.vertices.saturating_sub(s.corners));
     let encoding = dot(&ENCODING, &[s.vertices, s.corners]).saturating_sub(LESS.saturating_mul(s.elements));
-    reading.max(encoding.saturating_add(isolated).saturating_add(records))
+    let carried = IMAGE.saturating_mul(images.saturating_add(s.images));
+    reading.max(encoding.saturating_add(isolated).saturating_add(records)).saturating_add(carried)
 }
 
 /// The most vertices or corners that a file can have.

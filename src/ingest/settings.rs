@@ -62,21 +62,27 @@ impl Settings {
 mod tests {
     use super::*;
     use crate::lattice::Quantization;
+    use crate::quantizer::Precision;
 
     #[test]
     fn every_setting_changes_the_checksum() {
         let plain = Settings::default();
-        let mut others = vec![plain.clone(); 5];
+        let mut others = vec![plain.clone(); 10];
         others[0].encode.quantization = Quantization::Bits(13);
         others[1].encode.quantization = Quantization::Step { step: 0.001, origin: None };
         others[2].encode.lock_borders = true;
         others[3].weld = Some(false);
         others[4].drop.uvs = true;
+        others[5].encode.uv = Precision::Bits(13);
+        others[6].encode.uv = Precision::Step(0.001);
+        others[7].encode.normal_bits = 11;
+        others[8].encode.color_bits = 9;
+        others[9].encode.scalar_bits = 15;
         let mut sums: Vec<[u8; 32]> = others.iter().map(Settings::checksum).collect();
         sums.push(plain.checksum());
         sums.sort_unstable();
         sums.dedup();
-        assert_eq!(sums.len(), 6);
+        assert_eq!(sums.len(), 11);
         assert_eq!(drop_set(["uvs", " normals "]), Ok(DropSet { uvs: true, normals: true, ..DropSet::NONE }));
         assert_eq!(drop_set(["uvs", "uvw"]), Err("uvw"));
         assert!(DROP_NAMES.iter().all(|name| drop_set([*name]).is_ok()));

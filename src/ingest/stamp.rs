@@ -9,7 +9,7 @@ use sha2::{Digest, Sha256};
 /// What an output was made from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Stamp {
-    /// SHA-256 of the source file's bytes, as they are stored; of a glTF with buffers beside it, theirs follow.
+    /// SHA-256 of the source file's bytes, as they are stored; where it refers to files beside it, of its checksum and theirs.
     pub source: [u8; 32],
     /// SHA-256 of the settings, see [`Settings::checksum`](super::Settings::checksum).
     pub settings: [u8; 32],
@@ -58,9 +58,15 @@ impl Stamp {
     }
 }
 
-/// SHA-256 of a source and of the files it needs beside it, in order.
-pub(super) fn source_checksum<'a>(parts: impl IntoIterator<Item = &'a [u8]>) -> [u8; 32] {
+/// SHA-256 of a source without files beside it.
+pub(super) fn source_checksum(source: &[u8]) -> [u8; 32] {
+    Sha256::digest(source).into()
+}
+
+/// SHA-256 over the SHA-256 of a source and those of the files that it refers to, zeros for one that is not there.
+pub(super) fn checksum_with(source: &[u8], parts: &[[u8; 32]]) -> [u8; 32] {
     let mut hash = Sha256::new();
+    hash.update(source_checksum(source));
     for part in parts {
         hash.update(part);
     }
@@ -83,8 +89,8 @@ mod tests {
     fn a_stamped_file_decodes_as_before_and_tells_its_stamp() {
         let mesh = crate::generate::asteroid(8, 1);
         let plain = encode(&mesh, &EncodeOptions::default(), &|_| {}).unwrap().bytes;
-        let stamp = Stamp { source: source_checksum([&b"abc"[..], b"d"]), settings: [7; 32] };
-        assert_eq!(hex(&source_checksum([&b"abc"[..]]))[..16], *"ba7816bf8f01cfea");
+        let stamp = Stamp { source: checksum_with(b"abc", &[source_checksum(b"d"), [0; 32]]), settings: [7; 32] };
+        assert_eq!(hex(&source_checksum(b"abc"))[..16], *"ba7816bf8f01cfea");
         let stamped = stamp.attach(&plain).unwrap();
         assert!(stamped.len() <= plain.len() + 90, "{} bytes became {}", plain.len(), stamped.len());
         let Parsed::Ready(front) = Front::parse(&stamped).unwrap() else { panic!("the front is whole") };

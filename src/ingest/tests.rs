@@ -100,6 +100,57 @@ fn resuming_goes_by_bytes_and_settings_not_by_time_stamps() {
 }
 
 #[test]
+fn resuming_sees_every_file_that_reaches_the_output() {
+    let (from, to) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let put = |name: &str, text: &[u8]| std::fs::write(from.path().join(name), text).unwrap();
+    put("a.obj", b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl x\nf 1/1 2/2 3/3\n");
+    put("a.mtl", b"newmtl x\nmap_Kd x.png\nnewmtl unused\nmap_Kd y.png\n");
+    put(
+        "b.ply",
+        b"ply\nformat ascii 1.0\ncomment TextureFile x.png\nelement vertex 3\nproperty float x\nproperty float y\n\
+          property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
+    );
+    put("x.png", b"\x89PNG one");
+    let gltf = |image: &str| {
+        let bytes: Vec<u8> =
+            [0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0].iter().flat_map(|x| x.to_le_bytes()).collect();
+        put("c.bin", &bytes);
+        put(
+            "c.gltf",
+            format!(
+                r#"{{"asset":{{"version":"2.0"}},"buffers":[{{"uri":"c.bin","byteLength":36}}],"bufferViews":[{{"buffer":0,"byteLength":36}}],
+                "accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}}],
+                "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}}}}]}}],"images":[{{"uri":"{image}"}}]}}"#
+            )
+            .as_bytes(),
+        );
+    };
+    gltf("X.PNG");
+    let mut plan = plan(from.path(), to.path());
+    (plan.resume, plan.verify) = (true, true);
+    let again = |plan: &Plan| {
+        let s = run(plan, &()).unwrap();
+        (s.done, s.skipped, s.failed())
+    };
+    assert_eq!(again(&plan), (3, 0, 0));
+    assert_eq!(again(&plan), (0, 3, 0));
+    put("x.png", b"\x89PNG two");
+    assert_eq!(again(&plan), (3, 0, 0), "an image of all three, the third names it in other letters");
+    put("a.mtl", b"newmtl x\nKd 1 0 0\nmap_Kd x.png\n");
+    assert_eq!(again(&plan), (1, 2, 0), "a library");
+    put("y.png", b"\x89PNG of a material that is not used");
+    assert_eq!(again(&plan), (0, 3, 0));
+    put("c.bin", &[0; 36]);
+    assert_eq!(again(&plan), (1, 2, 0), "a buffer");
+    std::fs::remove_file(from.path().join("x.png")).unwrap();
+    assert_eq!(again(&plan), (3, 0, 0), "a file that is gone");
+    plan.settings.drop.images = true;
+    assert_eq!(again(&plan), (3, 0, 0));
+    put("x.png", b"\x89PNG again");
+    assert_eq!(again(&plan), (0, 3, 0), "what is dropped does not matter");
+}
+
+#[test]
 fn what_cannot_fit_is_not_started_and_says_what_it_needs() {
     let (from, to) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     meshes(from.path(), 2);

@@ -109,28 +109,7 @@ impl<'a> Files<'a> {
 
     /// Where a file of that name is.
     fn find(&self, name: &str) -> Option<PathBuf> {
-        let base = self.base?;
-        if name.is_empty() || name.contains('\0') {
-            return None;
-        }
-        let slashes = name.replace('\\', "/");
-        let last = slashes.rsplit('/').next().unwrap_or_default();
-        let candidates = [base.join(name), base.join(&slashes), base.join(last)];
-        if let Some(path) = candidates.iter().find(|p| p.is_file()) {
-            return Some(path.clone());
-        }
-        candidates[1..].iter().find_map(|path| {
-            let wanted = path.file_name()?.to_string_lossy().to_lowercase();
-            let entries = fs::read_dir(path.parent()?).ok()?;
-            let mut found: Vec<PathBuf> = entries
-                .filter_map(Result::ok)
-                .filter(|e| e.file_name().to_string_lossy().to_lowercase() == wanted)
-                .map(|e| e.path())
-                .filter(|p| p.is_file())
-                .collect();
-            found.sort();
-            found.into_iter().next()
-        })
+        find_beside(self.base?, name)
     }
 
     /// Say what was not found.
@@ -139,6 +118,31 @@ impl<'a> Files<'a> {
             b.tally.others.push(Warning::MissingFiles { what, count, names });
         }
     }
+}
+
+/// Where the file is that a mesh file in the folder `base` means by a name.
+pub(crate) fn find_beside(base: &Path, name: &str) -> Option<PathBuf> {
+    if name.is_empty() || name.contains('\0') {
+        return None;
+    }
+    let slashes = name.replace('\\', "/");
+    let last = slashes.rsplit('/').next().unwrap_or_default();
+    let candidates = [base.join(name), base.join(&slashes), base.join(last)];
+    if let Some(path) = candidates.iter().find(|p| p.is_file()) {
+        return Some(path.clone());
+    }
+    candidates[1..].iter().find_map(|path| {
+        let wanted = path.file_name()?.to_string_lossy().to_lowercase();
+        let entries = fs::read_dir(path.parent()?).ok()?;
+        let mut found: Vec<PathBuf> = entries
+            .filter_map(Result::ok)
+            .filter(|e| e.file_name().to_string_lossy().to_lowercase() == wanted)
+            .map(|e| e.path())
+            .filter(|p| p.is_file())
+            .collect();
+        found.sort();
+        found.into_iter().next()
+    })
 }
 
 fn size(name: &str, bytes: u64) -> Kind {

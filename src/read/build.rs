@@ -230,6 +230,19 @@ impl Builder {
         Ok(())
     }
 
+    /// The next vertex records, all at once: welding them so is faster than one by one.
+    pub fn vertices(&mut self, block: &[[f64; 3]]) -> Result<(), Kind> {
+        match &mut self.welder {
+            Some(welder) if block.iter().all(|p| (p[0] + p[1] + p[2]).is_finite()) => {
+                if self.map.capacity() - self.map.len() < block.len() {
+                    self.budget.grow(&mut self.map, block.len(), "vertices")?;
+                }
+                welder.insert_all(&mut self.positions, block, &mut self.map, &mut self.budget)
+            }
+            _ => block.iter().try_for_each(|&p| self.vertex(p)),
+        }
+    }
+
     #[cold]
     fn check_finite(&self, p: [f64; 3]) -> Result<(), Kind> {
         match p.into_iter().find(|c| !c.is_finite()) {

@@ -10,6 +10,9 @@ use super::build::{Budget, Kind, MAX};
 
 const EMPTY: u32 = u32::MAX;
 
+/// So many positions are looked up together.
+const BLOCK: usize = 64;
+
 /// A growing set of positions: open addressing over vertex numbers, each with some bits of its hash, so that a look at
 /// another vertex's slot does not cost a look at its position.
 pub(super) struct Welder {
@@ -31,7 +34,8 @@ impl Welder {
 
     /// Make room for `count` vertices, as far as the budget goes: growing later costs as much as inserting.
     pub fn expect(&mut self, count: usize, positions: &[[f64; 3]], budget: &mut Budget) {
-        let size = (positions.len().saturating_add(count).saturating_mul(8) / 5 + 1).checked_next_power_of_two();
+        let size = (positions.len().saturating_add(count).saturating_add(BLOCK).saturating_mul(8) / 5 + 1)
+            .checked_next_power_of_two();
         if let Some(size) = size.filter(|s| *s > self.table.len() && *s <= MAX) {
             // Without that room it grows as it needs to, and fails then if it must.
             let _ = self.resize(size, positions, budget);
@@ -56,8 +60,50 @@ impl Welder {
         if 8 * positions.len() >= 5 * self.table.len() {
             self.grow(positions, budget)?;
         }
-        let mask = self.table.len() - 1;
         let hash = self.hash(&p);
+        self.place(positions, p, hash, budget)
+    }
+
+    /// The vertices at `points`, appended to `map`; new ones are appended to `positions`.
+    ///
+    /// The slots of a block are looked at before they are needed, all of them in a row: so their cache misses overlap,
+    /// where each would hold up the decision that hangs on it.
+    pub fn insert_all(
+        &mut self,
+        positions: &mut Vec<[f64; 3]>,
+        points: &[[f64; 3]],
+        map: &mut Vec<u32>,
+        budget: &mut Budget,
+    ) -> Result<(), Kind> {
+        let mut hashes = [0; BLOCK];
+        for block in points.chunks(BLOCK) {
+            while 8 * (positions.len() + block.len()) >= 5 * self.table.len() {
+                self.grow(positions, budget)?;
+            }
+            let mask = self.table.len() - 1;
+            let mut seen = 0;
+            for (hash, p) in hashes.iter_mut().zip(block) {
+                *hash = self.hash(p);
+                seen ^= self.table[*hash as usize & mask][0];
+            }
+            std::hint::black_box(seen);
+            for (&hash, &p) in hashes.iter().zip(block) {
+                map.push(self.place(positions, p, hash, budget)?);
+            }
+        }
+        Ok(())
+    }
+
+    /// The vertex at `p`, of that hash; there is a free slot.
+    #[inline]
+    fn place(
+        &mut self,
+        positions: &mut Vec<[f64; 3]>,
+        p: [f64; 3],
+        hash: u64,
+        budget: &mut Budget,
+    ) -> Result<u32, Kind> {
+        let mask = self.table.len() - 1;
         let tag = (hash >> 32) as u32;
         let mut slot = hash as usize & mask;
         loop {
@@ -121,6 +167,21 @@ mod tests {
         }
         for i in 0..5000 {
             assert_eq!(put([f64::from(i), 7.5, 0.0]), 3 + i as u32);
+        }
+    }
+
+    #[test]
+    fn blocks_of_any_length_give_what_one_by_one_gives() {
+        let mut budget = Budget::new(0, None);
+        let points: Vec<[f64; 3]> = (0..3000).map(|i| [f64::from(i % 1789), f64::from(i % 3), 7.5]).collect();
+        let (mut single, mut at) = (Welder::new(), Vec::new());
+        let known: Vec<u32> = points.iter().map(|&p| single.insert(&mut at, p, &mut budget).unwrap()).collect();
+        for length in [1, 63, 64, 65, 1000] {
+            let (mut welder, mut places, mut map) = (Welder::new(), Vec::new(), Vec::new());
+            for block in points.chunks(length) {
+                welder.insert_all(&mut places, block, &mut map, &mut budget).unwrap();
+            }
+            assert_eq!((&places, &map), (&at, &known));
         }
     }
 

@@ -7,7 +7,7 @@ use crate::stream::Stream;
 use anyhow::{Context, Result, bail};
 use lodestream::compare::{self, Difference};
 use lodestream::container::Header;
-use lodestream::mesh::{Layer, Mesh};
+use lodestream::mesh::Mesh;
 use lodestream::read::{Format, ReadOptions};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -134,15 +134,7 @@ struct Verdict {
 
 fn against(args: &Args, source: &Path, decoded: &Mesh, header: &Header) -> Result<Verdict> {
     let lattice = &header.lattice;
-    let layers = &header.attributes.layers;
-    // Equal are values with equal integers; a direction on the rim of its square has two, of which one is what comes back.
-    let key = |n: usize, layer: &Layer, value: &[f64]| {
-        let (quantizer, kind) = (layers[n].quantizer, layer.kind);
-        let mut back = [0.0; 4];
-        let back = &mut back[..layer.width as usize];
-        quantizer.restore(kind, &quantizer.quantize(kind, value), back);
-        quantizer.quantize(kind, back).map(i64::from)
-    };
+    let key = compare::quantized(&header.attributes.layers);
     if shared::is_dash(source) && shared::is_dash(&args.input) {
         bail!("the file and its source cannot both come from standard input");
     }

@@ -101,7 +101,12 @@ impl Run<'_> {
         for record in rest.chunks(self.view.stride.max(1)).take(self.count) {
             let (numbers, _) = record.as_chunks::<S>();
             let Some(item) = numbers.first_chunk::<N>() else { break };
-            take(item.map(&decode))?;
+            // A plain loop: `map` over an array is a call for each number where nothing inlines it.
+            let mut values = [0.0; N];
+            for (value, &number) in values.iter_mut().zip(item) {
+                *value = decode(number);
+            }
+            take(values)?;
         }
         Ok(())
     }
@@ -307,23 +312,32 @@ impl Accessor {
         Ok(())
     }
 
-    /// All items in order, three at a time, where they lie side by side and make whole threes; else `None`, and nothing is done.
+    /// All items as whole numbers, three at a time, where they lie side by side and make whole threes; else `None`, and
+    /// nothing is done.
     #[inline]
     pub fn threes(
         &self,
         doc: &Document<'_>,
-        take: impl FnMut([f64; 3]) -> Result<(), Kind>,
+        mut take: impl FnMut([u32; 3]) -> Result<(), Kind>,
     ) -> Option<Result<(), Fail>> {
         let view = self.view.filter(|v| v.stride == self.component.size())?;
         if self.sparse.is_some() || self.normalized || !self.count.is_multiple_of(3) {
             return None;
         }
-        let view = View { stride: 3 * view.stride, ..view };
-        let run = Run { data: doc.buffers.get(view.buffer), view, count: self.count / 3 };
+        let bytes = doc.buffers.get(view.buffer).get(view.start..)?.get(..self.count * self.component.size())?;
         let done = match self.component {
-            Component::U32 => run.each(|b| f64::from(u32::from_le_bytes(b)), take),
-            Component::U16 => run.each(|b| f64::from(u16::from_le_bytes(b)), take),
-            Component::U8 => run.each(|[b]: [u8; 1]| f64::from(b), take),
+            Component::U32 => bytes.as_chunks::<12>().0.iter().try_for_each(|b| {
+                let word = |i: usize| u32::from_le_bytes([b[i], b[i + 1], b[i + 2], b[i + 3]]);
+                take([word(0), word(4), word(8)])
+            }),
+            Component::U16 => bytes.as_chunks::<6>().0.iter().try_for_each(|b| {
+                let word = |i: usize| u32::from(u16::from_le_bytes([b[i], b[i + 1]]));
+                take([word(0), word(2), word(4)])
+            }),
+            Component::U8 => {
+                let threes = bytes.as_chunks::<3>().0;
+                threes.iter().try_for_each(|b| take([u32::from(b[0]), u32::from(b[1]), u32::from(b[2])]))
+            }
             _ => return None,
         };
         Some(done.at(|| self.place()))

@@ -143,7 +143,7 @@ pub(super) fn decode(data: &str, budget: &mut Budget) -> Result<Vec<u8>, Kind> {
 }
 
 /// A reference as a path.
-pub(super) fn percent_decode(uri: &str) -> Option<String> {
+pub(crate) fn percent_decode(uri: &str) -> Option<String> {
     let mut out = Vec::with_capacity(uri.len());
     let mut bytes = uri.bytes();
     while let Some(byte) = bytes.next() {

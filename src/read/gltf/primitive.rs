@@ -161,7 +161,17 @@ impl MeshPlan {
         let identity = *matrix == Matrix::IDENTITY;
         for run in &self.positions {
             first.push(b.records());
-            run.each(doc, |p: [f64; 3]| b.vertex(if identity { p } else { matrix.apply(p) }))?;
+            let (mut block, mut held) = ([[0.0; 3]; 128], 0);
+            run.each(doc, |p: [f64; 3]| {
+                block[held] = if identity { p } else { matrix.apply(p) };
+                held += 1;
+                if held == block.len() {
+                    held = 0;
+                    return b.vertices(&block);
+                }
+                Ok(())
+            })?;
+            b.vertices(&block[..held]).at(|| run.place())?;
         }
         let mirrored = matrix.mirrors();
         let mut emitted = Emitted::default();
@@ -173,23 +183,26 @@ impl MeshPlan {
             let mut elements = Elements::new(primitive.mode, mirrored, b);
             let base = first[primitive.positions];
             // Nearly all there is in the world: whole triangles, their indices side by side.
-            let mut done = false;
+            let mut whole = false;
             if let (Mode::Triangles, Some(indices)) = (primitive.mode, &primitive.indices) {
-                let whole = indices.threes(doc, |t| {
-                    let t = t.map(|index| index as usize);
-                    if let Some(&index) = t.iter().find(|&&index| index >= count) {
-                        return Err(outside(index, count));
+                let done = indices.threes(doc, |[x, y, z]| {
+                    let largest = x.max(y).max(z) as usize;
+                    if largest >= count {
+                        let first = [x, y, z].into_iter().map(|i| i as usize).find(|&i| i >= count);
+                        return Err(outside(first.unwrap_or(largest), count));
                     }
-                    let t = elements.turned(t.map(|index| (base + index) as u32));
+                    // All records have been counted, so the sums fit.
+                    let base = base as u32;
+                    let t = elements.turned([base + x, base + y, base + z]);
                     elements.b.triangle(t)
                 });
-                if let Some(whole) = whole {
-                    whole?;
-                    done = true;
+                if let Some(done) = done {
+                    done?;
+                    whole = true;
                 }
             }
             match &primitive.indices {
-                _ if done => {}
+                _ if whole => {}
                 Some(indices) => indices.each(doc, |[index]: [f64; 1]| {
                     let index = index as usize;
                     if index >= count {

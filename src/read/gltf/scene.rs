@@ -32,7 +32,9 @@ impl Matrix {
 
     #[inline]
     pub fn apply(&self, p: [f64; 3]) -> [f64; 3] {
-        self.0.map(|row| row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3])
+        let [a, b, c] = &self.0;
+        let along = |row: &[f64; 4]| row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3];
+        [along(a), along(b), along(c)]
     }
 
     /// Whether directions stay as they are.

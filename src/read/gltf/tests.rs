@@ -347,3 +347,13 @@ fn what_a_file_says_stays_on_one_line() {
         "input: the file requires the glTF extension a\\nb, which is not supported; export it without that extension"
     );
 }
+
+#[test]
+fn triangles_with_indices_side_by_side_keep_their_attributes() {
+    let mut doc = square(&[0, 1, 2, 0, 2, 3], 4);
+    doc["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = json!(0);
+    let read = gltf(&doc);
+    assert_eq!(faces(&read), [[0, 1, 2], [0, 2, 3]]);
+    assert_eq!(read.mesh.layers.len(), 1);
+    assert_eq!(read.mesh.layers[0].corners, [0, 1, 2, 0, 2, 3]);
+}

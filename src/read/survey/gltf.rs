@@ -58,6 +58,10 @@ pub(super) fn counts(doc: &Value, mut distinct: impl FnMut(&Value) -> Option<u64
         }
     }
     let mut s = Survey { exact: true, ..Survey::default() };
+    for image in array("images") {
+        let inside = int(image, "bufferView").and_then(|view| int(item(doc, "bufferViews", view)?, "byteLength"));
+        s.images = s.images.saturating_add(inside.unwrap_or(0));
+    }
     for (mesh, &times) in meshes.iter().zip(&shown) {
         let mut seen: Vec<u64> = Vec::new();
         for primitive in mesh.get("primitives").and_then(Value::as_array).unwrap_or(&empty) {
@@ -113,6 +117,7 @@ pub(super) fn survey(input: &mut (impl Read + Seek), size: u64) -> io::Result<Su
         different(input, start, int(accessor, "count")?, stride).ok()
     });
     s.unpacked = size.saturating_add(outside);
+    s.images = s.images.min(s.unpacked);
     Ok(s)
 }
 

@@ -26,6 +26,8 @@ pub struct Survey {
     pub records: u64,
     /// Bytes of the file after unpacking, and of the buffers beside it.
     pub unpacked: u64,
+    /// Bytes of the images inside the file.
+    pub images: u64,
     /// Whether the file itself was seen (or its header told all); else the counts are usual ones for its size.
     pub exact: bool,
 }
@@ -60,7 +62,7 @@ pub fn survey_head(head: &[u8], size: u64, format: Format) -> Survey {
         let unpacked = size.saturating_mul(packed);
         let vertices = unpacked / bytes_per_vertex;
         let (elements, corners) = (vertices.saturating_mul(2), vertices.saturating_mul(6));
-        Survey { vertices, elements, corners, records: vertices, unpacked, exact: false }
+        Survey { vertices, elements, corners, records: vertices, unpacked, images: 0, exact: false }
     };
     let per_vertex = match format {
         Format::Obj => 75,
@@ -78,13 +80,29 @@ pub fn survey_head(head: &[u8], size: u64, format: Format) -> Survey {
             if let Some((h, corners)) = told {
                 let edges = h.edges.min(size);
                 let (vertices, elements, corners) = (h.vertices, h.faces.saturating_add(edges), corners + 2 * edges);
-                return Survey { vertices, elements, corners, records: vertices, unpacked: size, exact: true };
+                return Survey {
+                    vertices,
+                    elements,
+                    corners,
+                    records: vertices,
+                    unpacked: size,
+                    images: 0,
+                    exact: true,
+                };
             }
         }
         Format::Stl if size.checked_sub(84).is_some_and(|body| body % 50 == 0) && !head.starts_with(b"solid") => {
             let faces = (size - 84) / 50;
             let (vertices, corners) = (faces / 2 + 2, 3 * faces);
-            return Survey { vertices, elements: faces, corners, records: corners, unpacked: size, exact: false };
+            return Survey {
+                vertices,
+                elements: faces,
+                corners,
+                records: corners,
+                unpacked: size,
+                images: 0,
+                exact: false,
+            };
         }
         Format::Gltf | Format::Glb => {
             if let Ok(Some((doc, _))) = gltf::document(&mut io::Cursor::new(head), head.len() as u64) {
@@ -123,7 +141,15 @@ fn stream(input: &mut dyn Read, size: Option<u64>, format: Format) -> io::Result
                 let edges = h.edges.min(unpacked);
                 let (vertices, elements) = (h.vertices.min(unpacked), h.faces.min(unpacked) + edges);
                 let corners = corners + 2 * edges;
-                Survey { vertices, elements, corners: corners.min(unpacked), records: vertices, unpacked, exact: true }
+                Survey {
+                    vertices,
+                    elements,
+                    corners: corners.min(unpacked),
+                    records: vertices,
+                    unpacked,
+                    images: 0,
+                    exact: true,
+                }
             }
         },
         Format::Gltf | Format::Glb => {
@@ -166,7 +192,7 @@ fn stl(input: &mut dyn Read, head: &[u8]) -> io::Result<Survey> {
     }
     let corners = 3 * faces;
     let vertices = places.count().min(corners);
-    Ok(Survey { vertices, elements: faces, corners, records: corners, unpacked: total, exact: true })
+    Ok(Survey { vertices, elements: faces, corners, records: corners, unpacked: total, images: 0, exact: true })
 }
 
 #[cfg(test)]

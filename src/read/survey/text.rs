@@ -139,7 +139,7 @@ pub(super) fn stl(input: &mut dyn Read, head: &[u8]) -> io::Result<Survey> {
         }
     })?;
     let vertices = places.count().min(corners);
-    Ok(Survey { vertices, elements: corners / 3, corners, records: corners, unpacked: total, exact: true })
+    Ok(Survey { vertices, elements: corners / 3, corners, records: corners, unpacked: total, images: 0, exact: true })
 }
 
 /// The body of an ASCII PLY: `skip` lines, then `faces` lines that begin with the number of their corners.
