@@ -34,7 +34,7 @@ pub fn quantized(
     }
 }
 
-/// Compare attributes of two meshes that are equal [by map](by_map): layers at corners and isolated vertices, materials of faces, and the
+/// Compare attributes of two meshes that are equal [by map](super::by_map): layers at corners and isolated vertices, materials of faces, and the
 /// appearance.
 ///
 /// # Errors
@@ -51,7 +51,7 @@ pub fn attributes_by_map(source: &Mesh, decoded: &Mesh, map: &[u32], key: &Key<'
     attributes(source, decoded, map, &own, key)
 }
 
-/// Compare attributes of two meshes that are equal [by position](by_position). Vertices at one lattice point count as one.
+/// Compare attributes of two meshes that are equal [by position](super::by_position). Vertices at one lattice point count as one.
 ///
 /// # Errors
 /// The first [`Difference`], as [`attributes_by_map`] has them.
