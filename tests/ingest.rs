@@ -159,9 +159,11 @@ fn killed_at_any_moment_and_resumed_the_result_is_that_of_one_run() {
         killed(s.folder(), words, u64::from(random.below(150)));
         let done = tree(&s.path("out"));
         partial += usize::from(!done.is_empty() && done.len() < 40);
-        for (name, bytes) in done.iter().filter(|(name, _)| !name.contains(".lodestream-staging")) {
+        // A run that was done before it could be killed has left its report, which tells its own story.
+        let outputs = |name: &str| !name.contains(".lodestream-staging") && name != "report.json";
+        for (name, bytes) in done.iter().filter(|(name, _)| outputs(name)) {
             let whole = clean.iter().find(|(n, _)| n == name);
-            assert_eq!(whole.map(|w| &w.1), Some(bytes), "{name} is there, but not whole");
+            assert!(whole.map(|w| &w.1) == Some(bytes), "{name} is there, but not whole");
         }
     }
     assert!(partial > 0, "no run was killed in the middle");
