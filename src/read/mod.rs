@@ -31,9 +31,13 @@ use crate::mesh::{LayerKind, Mesh};
 use build::Budget;
 use error::{Fail, printable};
 
-pub(crate) use appearance::{find_beside, media_type};
+#[cfg(feature = "ingest")]
+pub(crate) use appearance::find_beside;
+pub(crate) use appearance::media_type;
 pub use error::{Place, ReadError, ReadErrorKind};
-pub(crate) use gltf::{extensions_in, percent_decode};
+pub(crate) use gltf::extensions_in;
+#[cfg(feature = "ingest")]
+pub(crate) use gltf::percent_decode;
 pub use survey::{Survey, survey, survey_head};
 pub(crate) use warning::counted;
 pub use warning::{Layer, Warning};

@@ -29,6 +29,7 @@ use super::{ReadMesh, ReadOptions};
 pub(crate) use appearance::extensions_in;
 use attribute::Wanted;
 use buffer::Buffers;
+#[cfg(feature = "ingest")]
 pub(crate) use buffer::percent_decode;
 use json::{list, text};
 use primitive::MeshPlan;
