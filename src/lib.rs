@@ -16,8 +16,13 @@ pub mod decode;
 pub mod encode;
 #[cfg(feature = "samples")]
 pub mod generate;
+<<<<<<< HEAD
 #[cfg(feature = "ingest")]
 pub mod ingest;
+=======
+#[cfg(feature = "gpu")]
+pub mod gpu;
+>>>>>>> 7b475b9 (Weigh edges on a GPU: shaders, devices with deadlines, windows, an evaluator that is twin to the processor)
 pub mod lattice;
 pub mod mesh;
 mod par;
@@ -33,6 +38,8 @@ pub mod metric;
 pub mod read;
 #[cfg(feature = "encode")]
 pub mod simplify;
+#[cfg(feature = "encode")]
+pub mod trace;
 #[cfg(feature = "formats")]
 pub mod write;
 

@@ -185,6 +185,16 @@ fn segment2(x: [f32; 3], c: [f32; 3], d: [f32; 3]) -> f32 {
     dot(r, r)
 }
 
+/// Squared distance from `x` to the triangle `c, p, q`. CPU twin of `triangle2` in `shaders/triangle.wgsl`.
+pub fn triangle_distance2(x: [f32; 3], c: [f32; 3], p: [f32; 3], q: [f32; 3]) -> f32 {
+    let mut block = EMPTY;
+    put(&mut block.c, 0, c);
+    put(&mut block.e0, 0, sub(p, c));
+    put(&mut block.e1, 0, sub(q, c));
+    prepare(&mut block);
+    distance2(x, &[block], 0.0)
+}
+
 /// The weight of the edge whose patch this is. See the module `weight` for what it measures.
 #[inline(always)] // so that it is compiled for the vectors of its caller
 pub fn edge_weight(patch: &Patch, scratch: &mut Scratch) -> Weight {
@@ -463,7 +473,9 @@ fn crossings(patch: &Patch, scratch: &mut Scratch, frame: &[[f32; 3]; 3], mut wo
     let mut complete = false;
     // The largest gap first: it mostly answers for the rest.
     while let Some(at) = largest(&scratch.crossings) {
-        let k = scratch.crossings.swap_remove(at);
+        let k = scratch.crossings[at];
+        // Taken. The others keep their order, so that equals are taken in it by both twins.
+        scratch.crossings[at].gap = 0.0;
         if k.gap <= worst {
             break;
         }
@@ -482,7 +494,7 @@ fn crossings(patch: &Patch, scratch: &mut Scratch, frame: &[[f32; 3]; 3], mut wo
     worst
 }
 
-/// Place of the largest gap.
+/// Place of the largest gap, of equals the first.
 #[inline(always)]
 fn largest(crossings: &[Crossing]) -> Option<usize> {
     let mut best = None;

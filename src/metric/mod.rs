@@ -6,6 +6,7 @@
 mod bisect;
 mod bound;
 mod edges;
+mod evaluator;
 mod fixed;
 mod gather;
 mod kernel;
@@ -15,11 +16,12 @@ mod weight;
 
 pub use bound::{BoundScratch, hausdorff_between, hausdorff_bound};
 pub use edges::{EdgeList, neighbours};
+pub use evaluator::{Cpu, EvaluateError, Evaluator, Task, weigh_some};
 pub use fixed::{Fixed, Scale};
 pub use gather::Gatherer;
 pub use seam::{SeamInput, SeamPatch, SeamReader, add_seams, seam_displacement};
 pub use weigher::{Carried, WeighInput, Weigher, dirty_vertices};
-pub use weight::{Class, Patch, PatchTriangle, RING_MOST, RingVertex, Scratch, Weight, edge_weight};
+pub use weight::{Class, Patch, PatchTriangle, RING_MOST, RingVertex, Scratch, Weight, edge_weight, triangle_distance2};
 
 #[cfg(test)]
 pub(crate) mod tests;

@@ -2,19 +2,13 @@
 //!
 //! The weight of an edge depends on the elements at its two ends and on nothing else, so after a batch only the edges with an
 //! end that merged, or that shares an element with a merged vertex, are weighed anew; the others carry their
-//! weight over. Each task weighs a range of vertices into its own part of one array: the outcome does not depend on
-//! the number of threads.
-
-use rayon::prelude::*;
+//! weight over. Who weighs them is an [`Evaluator`]; one that fails is replaced by the processor, and the level is weighed again.
 
 use super::edges::EdgeList;
+use super::evaluator::{Cpu, Evaluator, Task};
 use super::fixed::{Fixed, Scale};
-use super::gather::Gatherer;
-use super::weight::{Patch, Scratch, edge_weight};
 use crate::complex::{Faces, Star};
-
-/// Edges (about) that one task weighs.
-const CHUNK: usize = 2048;
+use crate::trace::Trace;
 
 /// A level as the weigher sees it.
 #[derive(Clone, Copy, Debug)]
@@ -54,48 +48,74 @@ pub fn dirty_vertices(faces: &Faces, star: &Star, merged: &[u32]) -> Vec<bool> {
 
 /// Owns the edges of the current level and their weights. Takes 12 bytes an edge and 4 bytes a vertex, twice that
 /// while a level follows another.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Weigher {
     scale: Scale,
     edges: EdgeList,
     weights: Vec<Fixed>,
     weighed: u64,
+    evaluator: Box<dyn Evaluator>,
+    fallback: Option<String>,
+    trace: Trace,
 }
 
 impl Weigher {
     /// For a mesh whose bounding box has this diagonal, in lattice steps.
     pub fn new(diagonal: f64) -> Self {
-        Weigher { scale: Scale::new(diagonal), edges: EdgeList::default(), weights: Vec::new(), weighed: 0 }
+        Weigher::with(diagonal, Box::new(Cpu), Trace::off())
+    }
+
+    /// The same, with somebody who weighs and a trace.
+    pub fn with(diagonal: f64, evaluator: Box<dyn Evaluator>, trace: Trace) -> Self {
+        Weigher {
+            scale: Scale::new(diagonal),
+            edges: EdgeList::default(),
+            weights: Vec::new(),
+            weighed: 0,
+            evaluator,
+            fallback: None,
+            trace,
+        }
     }
 
     /// Go to a level: weigh all of its edges, or with `carried` only those that the level before does not answer for.
     pub fn weigh(&mut self, level: WeighInput, carried: Option<Carried>) {
-        let edges = EdgeList::build(level.faces, level.star);
+        let edges = {
+            let _span = self.trace.work("list edges");
+            EdgeList::build(level.faces, level.star)
+        };
         let mut weights = vec![Fixed::ILLEGAL; edges.len()];
-        let mut tasks = Vec::new();
-        let mut rest = weights.as_mut_slice();
-        let (mut from, mut done) = (0, 0);
-        for a in 0..edges.vertices() {
-            let end = edges.from(a as u32).end;
-            if end - done >= CHUNK || a + 1 == edges.vertices() {
-                let (part, later) = rest.split_at_mut(end - done);
-                tasks.push((from as u32..a as u32 + 1, part));
-                (rest, from, done) = (later, a + 1, end);
+        let task = Task {
+            level,
+            edges: &edges,
+            carried,
+            old: (&self.edges, self.weights.as_slice()),
+            scale: &self.scale,
+            trace: &self.trace,
+        };
+        let weighed = match self.evaluator.weigh(&task, &mut weights) {
+            Ok(weighed) => weighed,
+            Err(error) => {
+                self.fallback = Some(error.to_string());
+                self.evaluator = Box::new(Cpu);
+                weights.fill(Fixed::ILLEGAL);
+                // The processor does not fail.
+                self.evaluator.weigh(&task, &mut weights).unwrap_or(0)
             }
-        }
-        let old = (&self.edges, self.weights.as_slice());
-        let scale = &self.scale;
-        let weighed: u64 = tasks
-            .into_par_iter()
-            .map_init(Worker::default, |worker, (vertices, out)| {
-                let task = Range { worker, level, carried, old, scale, edges: &edges, vertices, out };
-                // The widest vectors this machine has: they change the speed and no bit of the result.
-                pulp::Arch::new().dispatch(task)
-            })
-            .sum();
+        };
         self.weighed += weighed;
         self.edges = edges;
         self.weights = weights;
+    }
+
+    /// Who weighs now.
+    pub fn evaluator(&self) -> &dyn Evaluator {
+        self.evaluator.as_ref()
+    }
+
+    /// Why the one who was to weigh no longer does.
+    pub fn fallback(&self) -> Option<&str> {
+        self.fallback.as_deref()
     }
 
     /// The edges of the current level.
@@ -116,59 +136,5 @@ impl Weigher {
     /// How many edges were weighed since the beginning, not counting those carried over.
     pub fn weighed(&self) -> u64 {
         self.weighed
-    }
-}
-
-/// The memory of one task.
-#[derive(Default)]
-struct Worker {
-    gatherer: Gatherer,
-    patch: Patch,
-    scratch: Scratch,
-}
-
-/// What one task does: weigh the edges whose smaller end is in `vertices`.
-struct Range<'a> {
-    worker: &'a mut Worker,
-    level: WeighInput<'a>,
-    carried: Option<Carried<'a>>,
-    old: (&'a EdgeList, &'a [Fixed]),
-    scale: &'a Scale,
-    edges: &'a EdgeList,
-    vertices: std::ops::Range<u32>,
-    out: &'a mut [Fixed],
-}
-
-impl pulp::NullaryFnOnce for Range<'_> {
-    type Output = u64;
-
-    /// Returns how many edges were not carried over.
-    #[inline(always)]
-    fn call(self) -> u64 {
-        let Range { worker, level, carried, old: (old_edges, old_weights), scale, edges, vertices, out } = self;
-        worker.gatherer.forget();
-        let locked = |v: u32| level.locked.is_some_and(|l| l[v as usize]);
-        let mut out = out.iter_mut();
-        let mut weighed = 0;
-        for a in vertices {
-            for &b in edges.larger(a) {
-                let Some(out) = out.next() else { return weighed };
-                if let Some(c) = carried
-                    && !c.dirty[a as usize]
-                    && !c.dirty[b as usize]
-                    && let Some(e) = old_edges.find(c.old_of_new[a as usize], c.old_of_new[b as usize])
-                {
-                    *out = old_weights[e as usize];
-                    continue;
-                }
-                if locked(a) || locked(b) {
-                    continue;
-                }
-                weighed += 1;
-                worker.gatherer.read(level.faces, level.star, level.positions, a, b, &mut worker.patch);
-                *out = scale.fixed(edge_weight(&worker.patch, &mut worker.scratch));
-            }
-        }
-        weighed
     }
 }

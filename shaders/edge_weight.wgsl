@@ -1,0 +1,400 @@
+// The weight of an edge: what its collapse to the midpoint costs. One invocation an edge: gathers the patch from the
+// level, then measures it. CPU twin: `src/metric/kernel.rs`, explained in `src/metric/weight.rs`.
+//#include "triangle.wgsl"
+//#include "level.wgsl"
+//#include "patch.wgsl"
+
+const FOLDS: u32 = 0x100u;
+const SLIVER: f32 = 1e-4;
+/// Crossings that are kept; more are for the processor.
+const CROSSINGS: u32 = 48u;
+/// Lanes of the processor's blocks: sums over triangles go by lanes, in its order.
+const LANES: u32 = 8u;
+
+/// The ring in the frame of the patch.
+var<private> flat: array<vec3<f32>, RING>;
+var<private> crossing_gap: array<f32, CROSSINGS>;
+/// Ring vertex of the spoke before, of the spoke after in the next byte, bit 16: the spoke before begins at `b`.
+var<private> crossing_spokes: array<u32, CROSSINGS>;
+var<private> lane_sums: array<vec3<f32>, LANES>;
+
+fn end_of(t: u32) -> vec3<f32> {
+    return select(-half, half, (t & AT_B) != 0u);
+}
+
+/// Squared distances from `x` and `y` to the patch after.
+fn to_after(x: vec3<f32>, y: vec3<f32>) -> vec2<f32> {
+    var best = vec2<f32>(3.0e38, 3.0e38);
+    for (var i = 0u; i < triangle_count; i++) {
+        let t = triangles[i];
+        let triangle = prepare(ring_at[t & 0xffu], ring_at[(t >> 8u) & 0xffu]);
+        best.x = smaller(best.x, triangle2(x, triangle));
+        best.y = smaller(best.y, triangle2(y, triangle));
+    }
+    return best;
+}
+
+/// The same for one point.
+fn one_to_after(x: vec3<f32>) -> f32 {
+    var best = 3.0e38;
+    for (var i = 0u; i < triangle_count; i++) {
+        let t = triangles[i];
+        best = smaller(best, triangle2(x, prepare(ring_at[t & 0xffu], ring_at[(t >> 8u) & 0xffu])));
+    }
+    return best;
+}
+
+/// Edges of a triangle that vanishes, from `a`.
+fn vanishing_edges(i: u32) -> array<vec3<f32>, 2> {
+    let v = vanishing[i];
+    let ax = ring_at[v & 0xffu] + half;
+    let ab = half + half;
+    if (v & 0x100u) != 0u {
+        return array<vec3<f32>, 2>(ax, ab);
+    }
+    return array<vec3<f32>, 2>(ab, ax);
+}
+
+/// Squared distance from `x` to the patch before.
+fn to_before(x: vec3<f32>) -> f32 {
+    var best = 3.0e38;
+    for (var i = 0u; i < triangle_count; i++) {
+        let t = triangles[i];
+        let c = end_of(t);
+        let triangle = prepare(ring_at[t & 0xffu] - c, ring_at[(t >> 8u) & 0xffu] - c);
+        best = smaller(best, triangle2(x - c, triangle));
+    }
+    for (var i = 0u; i < vanishing_count; i++) {
+        let e = vanishing_edges(i);
+        best = smaller(best, triangle2(x + half, prepare(e[0], e[1])));
+    }
+    return best;
+}
+
+/// Shape of a triangle: squared normal over the fourth power of the longest edge.
+fn shape(nn: f32, longest: f32) -> f32 {
+    let i = inverse(longest);
+    return nn * i * i;
+}
+
+fn sliver(before: f32, after: f32) -> bool {
+    return after < SLIVER && after * 16.0 < before;
+}
+
+/// Whether a surviving triangle turns over or becomes a sliver.
+fn folds_triangles() -> bool {
+    for (var i = 0u; i < triangle_count; i++) {
+        let t = triangles[i];
+        let p = ring_at[t & 0xffu];
+        let q = ring_at[(t >> 8u) & 0xffu];
+        let c = end_of(t);
+        let e0 = p - c;
+        let e1 = q - c;
+        let nb = cross3(e0, e1);
+        let na = cross3(p, q);
+        if dot3(nb, na) < 0.0 {
+            return true;
+        }
+        let pq = q - p;
+        let i0 = inverse(dot3(p, p));
+        let least = smaller(smaller(i0, inverse(dot3(q, q))), inverse(dot3(pq, pq)));
+        let thin = dot3(na, na) * least * least;
+        if thin < SLIVER && i0 > 0.0 {
+            let e2 = e1 - e0;
+            let longest = larger(larger(dot3(e0, e0), dot3(e1, e1)), dot3(e2, e2));
+            if sliver(shape(dot3(nb, nb), longest), thin) {
+                return true;
+            }
+        }
+    }
+    return false;
+}
+
+fn bad(nb: vec3<f32>, na: vec3<f32>, lb: f32, la: f32) -> bool {
+    return dot3(nb, na) < 0.0 || sliver(shape(dot3(nb, nb), lb), shape(dot3(na, na), la));
+}
+
+/// The same for polygons: their vector areas, as far as the fan shows them.
+fn folds_polygons() -> bool {
+    var nb = vec3<f32>(0.0);
+    var na = vec3<f32>(0.0);
+    var lb = 0.0;
+    var la = 0.0;
+    for (var i = 0u; i < triangle_count; i++) {
+        let t = triangles[i];
+        let p = ring_at[t & 0xffu];
+        let q = ring_at[(t >> 8u) & 0xffu];
+        let c = end_of(t);
+        let e0 = p - c;
+        let e1 = q - c;
+        let x = cross3(e0, e1);
+        let y = cross3(p, q);
+        let pq = p - q;
+        let mb = larger(larger(dot3(e0, e0), dot3(e1, e1)), dot3(pq, pq));
+        let ma = larger(larger(dot3(p, p), dot3(q, q)), dot3(pq, pq));
+        if (t & CONTINUES) != 0u {
+            nb = nb + x;
+            na = na + y;
+            lb = larger(lb, mb);
+            la = larger(la, ma);
+        } else {
+            if bad(nb, na, lb, la) {
+                return true;
+            }
+            nb = x;
+            na = y;
+            lb = mb;
+            la = ma;
+        }
+    }
+    return bad(nb, na, lb, la);
+}
+
+/// Squared distance between the borders before and after.
+fn border_distance() -> f32 {
+    let none = 3.0e38;
+    var to_a = none;
+    var to_b = none;
+    var to_v = select(none, 0.0, border_ab);
+    var at_a = false;
+    var at_b = false;
+    for (var i = 0u; i < ring_count; i++) {
+        let marks = ring_marks[i];
+        let r = ring_at[i];
+        if (marks & BORDER_AFTER) != 0u {
+            to_a = smaller(to_a, segment2(-half, vec3<f32>(0.0), r));
+            to_b = smaller(to_b, segment2(half, vec3<f32>(0.0), r));
+        }
+        if (marks & BORDER_A) != 0u {
+            at_a = true;
+            to_v = smaller(to_v, segment2(vec3<f32>(0.0), -half, r));
+        }
+        if (marks & BORDER_B) != 0u {
+            at_b = true;
+            to_v = smaller(to_v, segment2(vec3<f32>(0.0), half, r));
+        }
+    }
+    // Without a border on the other side there is nothing to be far from: the surface distance speaks alone.
+    var worst = 0.0;
+    if at_a && to_a < none {
+        worst = larger(worst, to_a);
+    }
+    if at_b && to_b < none {
+        worst = larger(worst, to_b);
+    }
+    if to_a < none && to_v < none {
+        worst = larger(worst, to_v);
+    }
+    return worst;
+}
+
+struct Frame {
+    x: vec3<f32>,
+    y: vec3<f32>,
+    n: vec3<f32>,
+    /// No triangle of either patch faces against `n`.
+    holds: bool,
+}
+
+/// Normal of triangle `i` before.
+fn normal_before(i: u32) -> vec3<f32> {
+    if i < triangle_count {
+        let t = triangles[i];
+        let c = end_of(t);
+        return cross3(ring_at[t & 0xffu] - c, ring_at[(t >> 8u) & 0xffu] - c);
+    }
+    let e = vanishing_edges(i - triangle_count);
+    return cross3(e[0], e[1]);
+}
+
+fn patch_frame() -> Frame {
+    var frame: Frame;
+    frame.holds = false;
+    let total = triangle_count + vanishing_count;
+    for (var l = 0u; l < LANES; l++) {
+        lane_sums[l] = vec3<f32>(0.0);
+    }
+    for (var i = 0u; i < total; i++) {
+        lane_sums[i % LANES] += normal_before(i);
+    }
+    let sum = ((lane_sums[0] + lane_sums[4]) + (lane_sums[1] + lane_sums[5]))
+        + ((lane_sums[2] + lane_sums[6]) + (lane_sums[3] + lane_sums[7]));
+    var low = 0.0;
+    for (var i = 0u; i < total; i++) {
+        low = smaller(low, dot3(sum, normal_before(i)));
+        if i < triangle_count {
+            let t = triangles[i];
+            low = smaller(low, dot3(sum, cross3(ring_at[t & 0xffu], ring_at[(t >> 8u) & 0xffu])));
+        }
+    }
+    let nn = dot3(sum, sum);
+    if low < 0.0 || !(nn > 0.0) {
+        return frame;
+    }
+    let n = sum * (1.0 / sqrt(nn));
+    // Frisvad's basis, with the sign that keeps it away from its singularity (Duff et al. 2017).
+    let sign = select(1.0, -1.0, n.z < 0.0);
+    let i = -1.0 / (sign + n.z);
+    let k = n.x * n.y * i;
+    frame.x = vec3<f32>(1.0 + sign * n.x * n.x * i, sign * k, -sign * n.x);
+    frame.y = vec3<f32>(k, sign + n.y * n.y * i, -n.y);
+    frame.n = n;
+    frame.holds = true;
+    return frame;
+}
+
+/// Where the spoke before from `fc` along `d` crosses the spoke after to `y`, in the frame: squared gap (0 if they do
+/// not cross), place on the first, place on the second.
+fn cross_spokes(fc: vec3<f32>, d: vec3<f32>, along: f32, y: vec3<f32>) -> vec3<f32> {
+    let inv = 1.0 / (y.x * d.y - y.y * d.x);
+    let t = (fc.x * y.y - fc.y * y.x) * inv;
+    let s = along * inv;
+    let z = fc.z + t * d.z - s * y.z;
+    // Both between 0 and 1. Parallel lines give an infinity or no number: neither passes.
+    let inside = smaller(smaller(s, 1.0 - s), smaller(t, 1.0 - t));
+    return vec3<f32>(select(0.0, z * z, inside > 0.0), t, s);
+}
+
+/// Raise `least` by the crossings of spokes before with spokes after, the largest gap first; below 0 if there are too
+/// many.
+fn crossings(frame: Frame, least: f32) -> f32 {
+    var worst = least;
+    for (var i = 0u; i < ring_count; i++) {
+        let p = ring_at[i];
+        flat[i] = vec3<f32>(dot3(p, frame.x), dot3(p, frame.y), dot3(p, frame.n));
+    }
+    let fb = vec3<f32>(dot3(half, frame.x), dot3(half, frame.y), dot3(half, frame.n));
+    var count = 0u;
+    for (var i = 0u; i < 2u * ring_count; i++) {
+        let r = i >> 1u;
+        let at_b = (i & 1u) != 0u;
+        if (ring_marks[r] & select(SPOKE_A, SPOKE_B, at_b)) == 0u {
+            continue;
+        }
+        let fc = select(-fb, fb, at_b);
+        let d = flat[r] - fc;
+        let along = fc.x * d.y - fc.y * d.x;
+        for (var j = 0u; j < ring_count; j++) {
+            let gap = cross_spokes(fc, d, along, flat[j]).x;
+            if gap > worst {
+                if count >= CROSSINGS {
+                    return -1.0;
+                }
+                crossing_gap[count] = gap;
+                crossing_spokes[count] = r | (j << 8u) | select(0u, AT_B, at_b);
+                count += 1u;
+            }
+        }
+    }
+    loop {
+        // The largest gap that is left; of equals the first.
+        var gap = 0.0;
+        var at = 0u;
+        for (var i = 0u; i < count; i++) {
+            let g = crossing_gap[i];
+            if g > gap {
+                gap = g;
+                at = i;
+            }
+        }
+        if gap <= worst {
+            break;
+        }
+        crossing_gap[at] = 0.0;
+        let spokes = crossing_spokes[at];
+        let at_b = (spokes & AT_B) != 0u;
+        let x = ring_at[spokes & 0xffu];
+        let y = ring_at[(spokes >> 8u) & 0xffu];
+        let c = select(-half, half, at_b);
+        let fc = select(-fb, fb, at_b);
+        let d = flat[spokes & 0xffu] - fc;
+        let places = cross_spokes(fc, d, fc.x * d.y - fc.y * d.x, flat[(spokes >> 8u) & 0xffu]);
+        let before = c + (x - c) * places.y;
+        let after = y * places.z;
+        // Each spoke belongs to its patch: the distance to it bounds the distance to the patch.
+        if segment2(before, vec3<f32>(0.0), y) > worst {
+            worst = larger(worst, one_to_after(before));
+        }
+        if segment2(after, c, x) > worst {
+            worst = larger(worst, to_before(after));
+        }
+    }
+    return worst;
+}
+
+/// Raise `least` by the middles of all spokes, both ways.
+fn middles(least: f32) -> f32 {
+    var worst = least;
+    for (var i = 0u; i < ring_count; i++) {
+        let r = ring_at[i];
+        let marks = ring_marks[i];
+        let at_a = (marks & SPOKE_A) != 0u;
+        let at_b = (marks & SPOKE_B) != 0u;
+        // The spoke after, or before, is part of the other patch: most middles are near enough to it.
+        for (var side = 0u; side < 2u; side++) {
+            let c = select(-half, half, side == 1u);
+            let middle = 0.5 * (c + r);
+            if select(at_a, at_b, side == 1u) && segment2(middle, vec3<f32>(0.0), r) > worst {
+                worst = larger(worst, one_to_after(middle));
+            }
+        }
+        let middle = r * 0.5;
+        let near_a = at_a && segment2(middle, -half, r) <= worst;
+        let near_b = at_b && segment2(middle, half, r) <= worst;
+        if (at_a || at_b) && !near_a && !near_b {
+            worst = larger(worst, to_before(middle));
+        }
+    }
+    return worst;
+}
+
+fn weigh(a: u32, b: u32) -> Outcome {
+    let kind = read_patch(a, b);
+    if kind >= ILLEGAL {
+        return Outcome(0u, kind);
+    }
+    if kind == DANGLING {
+        return Outcome(bitcast<u32>(2.0 * sqrt(dot3(half, half))), kind);
+    }
+    if kind == BREAKING {
+        // The area lost is a small difference of large sums: a driver that reorders them changes it. They are few.
+        return Outcome(0u, TOO_LARGE);
+    }
+    // No point of either patch is farther from the other than the ends move.
+    let reach = dot3(half, half);
+    let ends = to_after(-half, half);
+    var worst = larger(ends.x, ends.y);
+    if borders {
+        worst = larger(worst, border_distance());
+    }
+    var folds = false;
+    if polygons {
+        folds = folds_polygons();
+    } else {
+        folds = folds_triangles();
+    }
+    if reach > worst {
+        let frame = patch_frame();
+        if frame.holds {
+            worst = crossings(frame, worst);
+            if worst < 0.0 {
+                return Outcome(0u, TOO_LARGE);
+            }
+        } else if reach * 0.25 > worst {
+            worst = middles(worst);
+        }
+    }
+    var value = sqrt(worst);
+    if folds {
+        value += 2.0 * sqrt(dot3(half, half));
+    }
+    return Outcome(bitcast<u32>(value), kind | select(0u, FOLDS, folds));
+}
+
+@compute @workgroup_size(64)
+fn edge_weight(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x < params.edges {
+        let ends = edges[id.x];
+        outcomes[id.x] = weigh(ends.x, ends.y);
+    }
+}

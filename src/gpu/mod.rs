@@ -1,0 +1,27 @@
+//! Work on a GPU through wgpu: which device, how much of its memory, how long to wait for it, and the kernels.
+//!
+//! Nothing here is needed: every kernel has a CPU twin of the same name that is its reference, and whatever goes wrong
+//! with a device is a [`DeviceError`] upon which the caller goes on with the twin. So nothing here panics on a device's
+//! account, and every wait has a deadline.
+//!
+//! - [`device`](Device): choosing and opening one; limits; errors that arrive out of turn.
+//! - `shader`: the texts in `shaders/*.wgsl`, put together; their layout, which a test compares with Rust's.
+//! - `buffers`: memory on the device, and dispatches whose results come back by deadline.
+//! - [`GpuWeights`]: the evaluator of edge weights, twin of [`Cpu`](crate::metric::Cpu).
+//! - [`hausdorff`]: distances of points to triangles, and its twin.
+
+mod buffers;
+mod device;
+mod error;
+mod hausdorff;
+mod shader;
+mod weights;
+mod window;
+
+pub use device::{Device, DeviceChoice, DeviceInfo, DeviceKind, DeviceOptions, devices, select_device};
+pub use error::DeviceError;
+pub use hausdorff::{Distances, distances};
+pub use weights::GpuWeights;
+
+#[cfg(test)]
+mod tests;

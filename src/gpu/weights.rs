@@ -1,0 +1,291 @@
+//! The evaluator of edge weights on a device; twin of [`Cpu`](crate::metric::Cpu).
+//!
+//! Three stages, joined by bounded channels: the processor's threads ask for runs of edges which are known already and
+//! list the others; one thread uploads them and dispatches, two runs at a time, so that the device works on one while the
+//! results of the other come back; one thread turns results into integers. Patches that the kernel does not take (large
+//! rings, hubs, collapses that break the complex) are weighed by the processor at the end.
+
+use crossbeam_channel::{Receiver, Sender, bounded};
+use rayon::prelude::*;
+use std::collections::VecDeque;
+
+use super::buffers::{Growing, INPUT, Results, UNIFORM};
+use super::device::Device;
+use super::error::DeviceError;
+use super::shader::{CLASS, FOLDS, Kernel, OUTCOME, PARAMS, STARS, TOO_LARGE};
+use super::window::{Window, bytes_of, cut};
+use crate::metric::{Class, EvaluateError, Evaluator, Fixed, Task, WeighInput, Weight, weigh_some};
+
+/// Edges of a run.
+const RUN: usize = 1 << 17;
+/// Runs that are on their way at once.
+const SLOTS: usize = 2;
+/// Bytes that an edge takes on the device: ends, outcome, and the copy that comes back.
+const EDGE_BYTES: u64 = 8 + 8 + 8;
+
+/// Weighs edges on a device.
+#[derive(Debug)]
+pub struct GpuWeights {
+    device: Device,
+    kernel: Kernel,
+    /// Positions, starts of elements, corners, starts of stars, stars.
+    level: [Growing; 5],
+    slots: Vec<Slot>,
+}
+
+/// A run on its way.
+#[derive(Debug)]
+struct Slot {
+    params: Growing,
+    edges: Growing,
+    results: Results,
+}
+
+/// A run of edges to be weighed.
+struct Run<'o> {
+    /// The number of the first edge of `out`.
+    first: usize,
+    out: &'o mut [Fixed],
+    /// Places in `out` of the edges to be weighed.
+    places: Vec<u32>,
+    ends: Vec<[u32; 2]>,
+    /// Where the level does not fit: what these edges need of it.
+    window: Option<Window>,
+}
+
+impl GpuWeights {
+    /// Compile the kernel on `device`.
+    ///
+    /// # Errors
+    /// [`DeviceError`] when the shader is refused or memory runs out.
+    pub fn new(device: Device) -> Result<Self, DeviceError> {
+        let kernel = Kernel::new(&device, "edge_weight", 6)?;
+        let level = std::array::from_fn(|_| Growing::new(&device, INPUT));
+        let slots = (0..SLOTS)
+            .map(|_| Slot {
+                params: Growing::new(&device, UNIFORM),
+                edges: Growing::new(&device, INPUT),
+                results: Results::new(&device),
+            })
+            .collect();
+        device.check()?;
+        Ok(GpuWeights { device, kernel, level, slots })
+    }
+
+    /// Edges of a run, and bytes of a level or window: what the budget and the limits allow. An upload passes through
+    /// memory of the driver's, so that a level counts twice.
+    fn plan(&self) -> (usize, u64) {
+        let budget = self.device.budget();
+        let run = (budget / 4 / (EDGE_BYTES * SLOTS as u64)).clamp(256, RUN as u64);
+        (run as usize, (budget.saturating_sub(run * EDGE_BYTES * SLOTS as u64) / 2).max(1 << 14))
+    }
+
+    fn fits(&self, level: &WeighInput, most: u64) -> bool {
+        let (largest, all) = bytes_of(level);
+        all <= most && largest <= self.device.info.binding_bytes.min(self.device.info.buffer_bytes)
+    }
+
+    fn run(&mut self, task: &Task, out: &mut [Fixed]) -> Result<(u64, Vec<u32>), DeviceError> {
+        let (run, most) = self.plan();
+        let whole = self.fits(&task.level, most);
+        // A window's largest array is at most what it takes in all.
+        let most = most.min(self.device.info.binding_bytes);
+        let parts = task.parts(run, out);
+        std::thread::scope(|scope| {
+            let (to_device, runs) = bounded::<Run>(SLOTS);
+            let (to_finish, done) = bounded::<(Run, Vec<[u32; 2]>)>(SLOTS);
+            let on_device = scope.spawn(|| self.dispatch_all(task, whole, runs, to_finish));
+            let finish = scope.spawn(|| finish_all(task, done));
+            let first_of = |vertices: &std::ops::Range<u32>| task.edges.from(vertices.start).start;
+            let left: Vec<u32> = parts
+                .into_par_iter()
+                .flat_map_iter(|(vertices, out)| {
+                    let first = first_of(&vertices);
+                    let mut left = Vec::new();
+                    let run = list(task, vertices, first, out, &mut left);
+                    let window = (!whole).then_some(most);
+                    // Who no longer listens has an error to tell.
+                    let _ = send(task, run, window, &to_device);
+                    left
+                })
+                .collect();
+            drop(to_device);
+            let error = on_device.join().unwrap_or_else(|_| Err(DeviceError::Failed {
+                device: "the device's thread".to_string(),
+                reason: "it panicked".to_string(),
+            }));
+            let (weighed, mut more) = finish.join().unwrap_or_default();
+            error?;
+            more.extend(left);
+            more.sort_unstable();
+            Ok((weighed + more.len() as u64, more))
+        })
+    }
+
+    /// The thread that talks to the device.
+    fn dispatch_all<'o>(
+        &mut self,
+        task: &Task,
+        whole: bool,
+        runs: Receiver<Run<'o>>,
+        done: Sender<(Run<'o>, Vec<[u32; 2]>)>,
+    ) -> Result<(), DeviceError> {
+        let GpuWeights { device, kernel, level, slots } = self;
+        if whole {
+            let mut span = task.trace.span("device: upload", "upload level");
+            let WeighInput { faces, star, positions, .. } = task.level;
+            span.items(bytes_of(&task.level).1);
+            level[0].put(device, bytemuck::cast_slice(positions));
+            level[1].put(device, &faces.start);
+            level[2].put(device, &faces.corners);
+            level[3].put(device, &star.start);
+            level[4].put(device, &star.faces);
+            device.check()?;
+        }
+        let mut on_their_way: VecDeque<(usize, Run)> = VecDeque::new();
+        let mut free: Vec<usize> = (0..slots.len()).collect();
+        let come_back = |on_their_way: &mut VecDeque<(usize, Run<'o>)>, free: &mut Vec<usize>, slots: &mut Vec<Slot>| {
+            let Some((slot, run)) = on_their_way.pop_front() else { return Ok(true) };
+            let mut span = task.trace.span("device: weigh", "wait for edge_weight");
+            span.items(run.places.len() as u64);
+            let outcomes = slots[slot].results.wait(device)?;
+            free.push(slot);
+            Ok(done.send((run, outcomes)).is_ok())
+        };
+        for run in runs {
+            if free.is_empty() && !come_back(&mut on_their_way, &mut free, slots)? {
+                return Ok(());
+            }
+            let Some(slot) = free.pop() else { return Err(device.failed("no run ended")) };
+            let mut span = task.trace.span("device: upload", "upload edges");
+            span.items(run.places.len() as u64);
+            let at = &mut slots[slot];
+            let mut params = [run.places.len() as u32, task.level.positions.len() as u32, task.level.faces.len() as u32, 0];
+            if let Some(window) = &run.window {
+                params[1] = window.star_start.len() as u32 - 1;
+                params[2] = window.face_start.len() as u32 - 1;
+                level[0].put(device, bytemuck::cast_slice(&window.positions));
+                level[1].put(device, &window.face_start);
+                level[2].put(device, &window.corners);
+                level[3].put(device, &window.star_start);
+                level[4].put(device, &window.star_faces);
+            }
+            let params: [u32; PARAMS] = params;
+            at.params.put(device, &params);
+            let ends = run.window.as_ref().map_or(&run.ends, |w| &w.edges);
+            at.edges.put(device, bytemuck::cast_slice(ends));
+            let mut inputs = vec![at.params.binding(0)];
+            inputs.extend((1..).zip(&*level).map(|(i, b)| b.binding(i)));
+            inputs.push(at.edges.binding(6));
+            at.results.dispatch(device, kernel, &inputs, run.places.len(), OUTCOME)?;
+            drop(span);
+            on_their_way.push_back((slot, run));
+        }
+        while !on_their_way.is_empty() {
+            if !come_back(&mut on_their_way, &mut free, slots)? {
+                break;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Evaluator for GpuWeights {
+    fn name(&self) -> String {
+        self.device.info().name.clone()
+    }
+
+    fn beside(&self) -> bool {
+        true
+    }
+
+    fn weigh(&mut self, task: &Task, out: &mut [Fixed]) -> Result<u64, EvaluateError> {
+        let (weighed, left) = self.run(task, out).map_err(|e| EvaluateError(Box::new(e)))?;
+        weigh_some(task, &left, out);
+        Ok(weighed)
+    }
+}
+
+/// Write what is known of the edges whose smaller ends are `vertices`, list what has to be weighed; `left` gets the numbers of edges at
+/// stars that no kernel takes.
+fn list<'o>(task: &Task, vertices: std::ops::Range<u32>, first: usize, out: &'o mut [Fixed], left: &mut Vec<u32>) -> Run<'o> {
+    let mut span = task.trace.work("list edges to weigh");
+    let (mut places, mut ends) = (Vec::new(), Vec::new());
+    let star = |v: u32| task.level.star.get(v).len();
+    let mut place = 0;
+    for a in vertices {
+        for &b in task.edges.larger(a) {
+            match task.known(a, b) {
+                Some(weight) => out[place] = weight,
+                None if star(a) + star(b) > STARS => left.push((first + place) as u32),
+                None => {
+                    places.push(place as u32);
+                    ends.push([a, b]);
+                }
+            }
+            place += 1;
+        }
+    }
+    span.items(places.len() as u64);
+    Run { first, out, places, ends, window: None }
+}
+
+/// Send a run on its way; with `window`, in as many pieces as it takes to stay within so many bytes each.
+fn send<'o>(task: &Task, run: Run<'o>, window: Option<u64>, to: &Sender<Run<'o>>) -> Result<(), ()> {
+    let Some(most) = window else {
+        return if run.places.is_empty() { Ok(()) } else { to.send(run).map_err(drop) };
+    };
+    let Run { mut first, mut out, places, ends, .. } = run;
+    let mut from = 0;
+    // Places count from the first edge of the whole run.
+    let mut offset = 0;
+    while from < ends.len() {
+        let (window, taken) = {
+            let mut span = task.trace.work("cut a window");
+            let cut = cut(&task.level, &ends[from..], most);
+            span.items(cut.1 as u64);
+            cut
+        };
+        let to_place = places.get(from + taken).map_or(out.len(), |&p| p as usize - offset);
+        let (part, rest) = out.split_at_mut(to_place);
+        let part = Run {
+            first,
+            out: part,
+            places: places[from..from + taken].iter().map(|&p| p - offset as u32).collect(),
+            ends: Vec::new(),
+            window: Some(window),
+        };
+        to.send(part).map_err(drop)?;
+        out = rest;
+        first += to_place;
+        offset += to_place;
+        from += taken;
+    }
+    Ok(())
+}
+
+/// The thread that turns outcomes into weights: how many, and the edges that are left to the processor.
+fn finish_all(task: &Task, done: Receiver<(Run, Vec<[u32; 2]>)>) -> (u64, Vec<u32>) {
+    let mut left = Vec::new();
+    let mut weighed = 0;
+    for (run, outcomes) in done {
+        let mut span = task.trace.span("results", "make integers");
+        span.items(outcomes.len() as u64);
+        for (&place, [value, kind]) in run.places.iter().zip(outcomes) {
+            let class = match kind & CLASS {
+                0 => Class::Ordinary,
+                1 => Class::Breaking,
+                2 => Class::Dangling,
+                TOO_LARGE => {
+                    left.push((run.first + place as usize) as u32);
+                    continue;
+                }
+                _ => Class::Illegal,
+            };
+            weighed += 1;
+            let weight = Weight { class, value: f32::from_bits(value), folds: kind & FOLDS != 0 };
+            run.out[place as usize] = task.scale.fixed(weight);
+        }
+    }
+    (weighed, left)
+}
