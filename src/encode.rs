@@ -15,8 +15,9 @@ use crate::complex::{Faces, Level};
 use crate::container::{self, AsideCounts, Chunk, ContainerError, ErrorBound, Header, LevelInfo};
 use crate::lattice::{Lattice, LatticeError, Quantization};
 use crate::mesh::{LayerKind, Mesh, MeshError};
+use crate::metric::Engine;
 use crate::quantizer::Precision;
-use crate::simplify::{ReplayError, SimplifyOptions, reorder, replay, simplify};
+use crate::simplify::{ReplayError, SimplifyOptions, reorder, replay, simplify_on};
 use std::collections::HashSet;
 use std::time::Instant;
 use thiserror::Error;
@@ -107,7 +108,11 @@ pub struct EncodeReport {
     pub bits: BitsByKind,
     /// Edges weighed in all.
     pub edges_weighed: u64,
-    /// Seconds spent weighing edges.
+    /// Who weighed them: `cpu` or the name of a device. The bytes do not say.
+    pub weighed_by: String,
+    /// Why the device that was to weigh them did not go on and the processor did.
+    pub fallback: Option<String>,
+    /// Seconds spent weighing edges; on a device, beside collapsing.
     pub weigh_seconds: f64,
     /// Seconds spent selecting batches.
     pub select_seconds: f64,
@@ -158,6 +163,20 @@ pub fn encode(
     options: &EncodeOptions,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Encoded, EncodeError> {
+    encode_on(mesh, options, Engine::default(), progress)
+}
+
+/// The same with somebody who weighs edges, and a trace. A device that fails is replaced by the processor, which
+/// [`EncodeReport::fallback`] tells; the file is exact either way.
+///
+/// # Errors
+/// As [`encode`].
+pub fn encode_on(
+    mesh: &Mesh,
+    options: &EncodeOptions,
+    engine: Engine,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<Encoded, EncodeError> {
     mesh.validate()?;
     let lattice = Lattice::choose(options.quantization, &mesh.positions)?;
     let positions = lattice.quantize(&mesh.positions)?;
@@ -183,12 +202,16 @@ pub fn encode(
         seams: (0..mesh.layers.len()).filter(|&l| mesh.layers[l].kind == LayerKind::Uv).collect(),
         ..SimplifyOptions::default()
     };
-    let history = simplify(level, attributes, &simplify_options, &|left| {
+    let trace = engine.trace.clone();
+    let history = simplify_on(level, attributes, &simplify_options, engine, &|left| {
         progress(Progress { stage: Stage::Simplify, done: total - left, total });
     });
     let clock = Instant::now();
+    let mut span = trace.span("loop", "code all batches");
+    span.items(total);
     let mut replayed =
         replay(&history, slots, &scheme, &|done| progress(Progress { stage: Stage::Encode, done, total }))?;
+    drop(span);
     if let Some(place) = place {
         // Back to the caller's numbers.
         replayed.number = place.iter().map(|&v| replayed.number[v as usize]).collect();
@@ -298,6 +321,8 @@ pub fn encode(
             images: image_bits,
         },
         edges_weighed: history.edges_weighed,
+        weighed_by: history.weighed_by,
+        fallback: history.fallback,
         weigh_seconds: history.seconds[0],
         select_seconds: history.seconds[1],
         collapse_seconds: history.seconds[2],

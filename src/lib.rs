@@ -16,13 +16,10 @@ pub mod decode;
 pub mod encode;
 #[cfg(feature = "samples")]
 pub mod generate;
-<<<<<<< HEAD
-#[cfg(feature = "ingest")]
-pub mod ingest;
-=======
 #[cfg(feature = "gpu")]
 pub mod gpu;
->>>>>>> 7b475b9 (Weigh edges on a GPU: shaders, devices with deadlines, windows, an evaluator that is twin to the processor)
+#[cfg(feature = "ingest")]
+pub mod ingest;
 pub mod lattice;
 pub mod mesh;
 mod par;

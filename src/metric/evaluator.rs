@@ -42,6 +42,22 @@ pub trait Evaluator: Debug + Send {
     fn weigh(&mut self, task: &Task, out: &mut [Fixed]) -> Result<u64, EvaluateError>;
 }
 
+/// Who weighs in a job, and where its spans go.
+#[derive(Debug)]
+pub struct Engine {
+    /// Who weighs.
+    pub evaluator: Box<dyn Evaluator>,
+    /// Where spans go.
+    pub trace: Trace,
+}
+
+impl Default for Engine {
+    /// The processor, and no trace.
+    fn default() -> Self {
+        Engine { evaluator: Box::new(Cpu), trace: Trace::off() }
+    }
+}
+
 /// The edges of one level, to be weighed.
 #[derive(Clone, Copy, Debug)]
 pub struct Task<'a> {

@@ -16,7 +16,7 @@ mod weight;
 
 pub use bound::{BoundScratch, hausdorff_between, hausdorff_bound};
 pub use edges::{EdgeList, neighbours};
-pub use evaluator::{Cpu, EvaluateError, Evaluator, Task, weigh_some};
+pub use evaluator::{Cpu, Engine, EvaluateError, Evaluator, Task, weigh_some};
 pub use fixed::{Fixed, Scale};
 pub use gather::Gatherer;
 pub use seam::{SeamInput, SeamPatch, SeamReader, add_seams, seam_displacement};

@@ -2,12 +2,15 @@
 //!
 //! Core paper section 3 and 4.3. Weights read positions that are never rounded (the merged vertex at the true midpoint), so that deferred
 //! precision does not blur the choice; the integer level is what the decoder will have.
+//!
+//! Where a device weighs, the processor bounds the error of the batch before (which nothing but the next bounds reads) and
+//! makes its record meanwhile; otherwise one follows the other, and the finer level is let go first.
 
 use super::history::{History, Stored};
 use super::{SelectInput, SelectOptions, select};
 use crate::codec::patch::mean_edge;
 use crate::complex::{Attributes, Coarsened, Level, NONE, Placement, Star, coarsen};
-use crate::metric::{Carried, SeamInput, WeighInput, Weigher, add_seams, dirty_vertices};
+use crate::metric::{Carried, Engine, SeamInput, WeighInput, Weigher, add_seams, dirty_vertices};
 use std::time::Instant;
 
 /// What the simplification is told.
@@ -43,11 +46,23 @@ impl Default for SimplifyOptions {
 /// Isolated vertices up to this many stay; of more, one in eight.
 const FEW: usize = 32;
 
-/// Simplify `level`, whose wedges are numbered by `attributes`, down to its base. `progress` hears how many vertices are left.
+/// Simplify `level`, whose wedges are numbered by `attributes`, down to its base, on the processor. `progress` hears how
+/// many vertices are left.
 pub fn simplify(
     level: Level,
     attributes: Attributes,
     options: &SimplifyOptions,
+    progress: &(dyn Fn(u64) + Sync),
+) -> History {
+    simplify_on(level, attributes, options, Engine::default(), progress)
+}
+
+/// The same with somebody who weighs. If that one fails, the processor goes on; [`History::fallback`] tells.
+pub fn simplify_on(
+    level: Level,
+    attributes: Attributes,
+    options: &SimplifyOptions,
+    engine: Engine,
     progress: &(dyn Fn(u64) + Sync),
 ) -> History {
     let total = level.positions.len();
@@ -66,24 +81,34 @@ pub fn simplify(
         batches: Vec::new(),
         edges_weighed: 0,
         seconds: [0.0; 3],
+        weighed_by: engine.evaluator.name(),
+        fallback: None,
     };
-    let mut weigher = Weigher::new(diagonal);
+    let Engine { evaluator, trace } = engine;
+    let mut weigher = Weigher::with(diagonal, evaluator, trace.clone());
+    // Whether the level at hand has been weighed beside the batch before.
+    let mut weighed_already = false;
     let mut carried: Option<(Vec<u32>, Vec<bool>)> = None;
     loop {
         let level = &history.base;
         let n = level.positions.len();
         let clock = Instant::now();
-        let input = WeighInput { faces: &level.faces, star: &star, positions: &exact, locked: locked.as_deref() };
-        weigher.weigh(input, carried.as_ref().map(|(old, dirty)| Carried { old_of_new: old, dirty }));
+        if !weighed_already {
+            let input = WeighInput { faces: &level.faces, star: &star, positions: &exact, locked: locked.as_deref() };
+            weigher.weigh(input, carried.as_ref().map(|(old, dirty)| Carried { old_of_new: old, dirty }));
+        }
         let mut seamed = Vec::new();
         if !options.seams.is_empty() || !history.attributes.labels.is_empty() {
+            let _span = trace.span("loop", "add seams");
             seamed = weigher.weights().to_vec();
             let attributes = &history.attributes;
             let (faces, layers) = (&level.faces, &options.seams[..]);
             let input = SeamInput { faces, star: &star, positions: &exact, attributes, layers };
             add_seams(&input, weigher.edges(), &weigher.scale(), &mut seamed);
         }
+        }
         let weighed = Instant::now();
+        let span = trace.span("loop", "select");
         let chosen = select(
             SelectInput {
                 faces: &level.faces,
@@ -97,6 +122,7 @@ pub fn simplify(
         let mut edges: Vec<[u32; 2]> = chosen.iter().map(|&e| weigher.edges().ends(e).into()).collect();
         edges.sort_unstable();
         let leaving = leaving(&star, &history.vertex_slot, edges.is_empty());
+        drop(span);
         let selected = Instant::now();
         history.seconds[0] += (weighed - clock).as_secs_f64();
         history.seconds[1] += (selected - weighed).as_secs_f64();
@@ -115,6 +141,8 @@ pub fn simplify(
         }
         let alpha = if n as u64 * 256 <= total as u64 * options.alpha_share as u64 { options.alpha } else { 0 };
         let placement = Placement { shift, alpha, bias: history.batches.len() as i32 & 1 };
+        let mut span = trace.span("loop", "collapse");
+        span.items(edges.len() as u64);
         let c = coarsen(level, &star, &edges, &leaving, placement);
         let mut stored = Stored::new(&c, level, &history.vertex_slot, &history.face_slot, placement);
         if !history.attributes.layers.is_empty() || !history.attributes.labels.is_empty() {
@@ -125,8 +153,6 @@ pub fn simplify(
         }
         let level = &history.base;
         exact = follow(&c, &exact, level);
-        error = super::error::follow(&c, level, &star, &error, anchor);
-        stored.error = error.iter().fold(0f32, |a, &b| a.max(b)) as f64;
         let old_of_new = first_of(&c);
         history.vertex_slot = old_of_new.iter().map(|&v| history.vertex_slot[v as usize]).collect();
         history.face_slot = c.element.iter().map(|&f| history.face_slot[f as usize]).collect();
@@ -134,6 +160,27 @@ pub fn simplify(
             *l = old_of_new.iter().map(|&v| l[v as usize]).collect();
         }
         let dirty = dirty_vertices(&c.level.faces, &c.star, &c.batch.vertex);
+        drop(span);
+        let mut bound = || {
+            let _span = trace.span("loop", "bound errors");
+            error = super::error::follow(&c, level, &star, &error, anchor);
+            stored.error = error.iter().fold(0f32, |a, &b| a.max(b)) as f64;
+        };
+        weighed_already = weigher.evaluator().beside();
+        if weighed_already {
+            let input =
+                WeighInput { faces: &c.level.faces, star: &c.star, positions: &exact, locked: locked.as_deref() };
+            let known = Carried { old_of_new: &old_of_new, dirty: &dirty };
+            let weigh = || {
+                let clock = Instant::now();
+                weigher.weigh(input, Some(known));
+                clock.elapsed().as_secs_f64()
+            };
+            let (_, seconds) = rayon::join(bound, weigh);
+            history.seconds[0] += seconds;
+        } else {
+            bound();
+        }
         carried = Some((old_of_new, dirty));
         history.batches.push(stored);
         star = c.star;
@@ -142,6 +189,8 @@ pub fn simplify(
         progress(history.base.positions.len() as u64);
     }
     history.edges_weighed = weigher.weighed();
+    history.weighed_by = weigher.evaluator().name();
+    history.fallback = weigher.fallback().map(str::to_string);
     history
 }
 

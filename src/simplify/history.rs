@@ -135,4 +135,8 @@ pub struct History {
     pub edges_weighed: u64,
     /// Seconds spent weighing, selecting, collapsing.
     pub seconds: [f64; 3],
+    /// Who weighed at the end: `cpu` or the name of a device.
+    pub weighed_by: String,
+    /// Why the one who was to weigh did not go on.
+    pub fallback: Option<String>,
 }

@@ -8,7 +8,7 @@ mod replay;
 mod select;
 mod wedges;
 
-pub use driver::{SimplifyOptions, simplify};
+pub use driver::{SimplifyOptions, simplify, simplify_on};
 pub use history::{History, Stored, StoredTriangle};
 pub use order::reorder;
 pub use replay::{Piece, ReplayError, Replayed, replay};

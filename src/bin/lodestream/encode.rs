@@ -1,9 +1,10 @@
 //! `lodestream encode`: a mesh into a `.lods` file.
 
 use crate::Outcome;
+use crate::device::{self, DeviceArgs};
 use crate::output::Output;
 use crate::progress::Bars;
-use crate::shared::{self, Device, Input, Machine};
+use crate::shared::{self, Input, Machine};
 use anyhow::{Context, Result};
 use clap::ValueEnum;
 use lodestream::encode::{self, EncodeOptions, EncodeReport, Encoded, Progress, Stage};
@@ -43,9 +44,8 @@ pub struct Args {
     /// Write the new number of each vertex of the input, one per line
     #[arg(long, value_name = "FILE")]
     map: Option<PathBuf>,
-    /// Where the work is done
-    #[arg(long, value_enum, default_value = "auto")]
-    device: Device,
+    #[command(flatten)]
+    device: DeviceArgs,
     #[command(flatten)]
     machine: Machine,
     /// Print one JSON object
@@ -205,8 +205,14 @@ pub fn run(args: &Args) -> Result<Outcome> {
         let warnings: Vec<String> = read.warnings.iter().map(ToString::to_string).collect();
         warnings.iter().for_each(|w| shared::warn(format!("{name}: {w}")));
         let progress = |p: Progress| bars.show(stage_name(p.stage), p.done, p.total);
-        let encoded = encode::encode(&read.mesh, &options, &progress).with_context(|| name.clone())?;
+        let engine = args.device.engine(read.mesh.vertex_count(), threads);
+        let trace = engine.trace.clone();
+        let encoded = encode::encode_on(&read.mesh, &options, engine, &progress).with_context(|| name.clone())?;
         bars.finish();
+        if let Some(why) = &encoded.report.fallback {
+            device::fell_back(why);
+        }
+        args.device.write_trace(&trace)?;
         let write_start = Instant::now();
         output.write(|out| out.write_all(&encoded.bytes))?;
         if let Some(map) = &map {
@@ -217,7 +223,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
         let seconds = [read_seconds, shared::seconds(write_start), shared::seconds(start)];
         if args.json {
             let mut object = account(&encoded, seconds);
-            object["device"] = json!(args.device.chosen());
+            object["device"] = json!(encoded.report.weighed_by);
             object["threads"] = json!(threads);
             object["seconds"]["cpu"] = json!(shared::cpu_seconds());
             object["peak_memory_bytes"] = json!(shared::peak_memory());

@@ -8,6 +8,7 @@
 mod compare;
 mod decode;
 mod demo;
+mod device;
 mod encode;
 mod info;
 mod ingest;
@@ -61,6 +62,8 @@ enum Command {
     Report(report::Args),
     /// Encode folders and buckets full of meshes, unattended
     Ingest(Box<ingest::Args>),
+    /// List the GPUs that can weigh edges, and which one is taken
+    Devices(device::Args),
     /// Make a mesh, encode it, decode several levels, show pictures of them
     Demo(demo::Args),
 }
@@ -94,6 +97,7 @@ fn main() -> ExitCode {
         Command::Render(args) => render::run(args),
         Command::Report(args) => report::run(args),
         Command::Ingest(args) => ingest::run(args),
+        Command::Devices(args) => device::run(args),
         Command::Demo(args) => demo::run(args),
     };
     match result {
@@ -143,6 +147,8 @@ mod tests {
             &["encode", "a.obj", "-o", "b", "--position-step", "0"],
             &["encode", "a.obj", "-o", "b", "--weld", "--no-weld"],
             &["encode", "a.obj", "-o", "b", "--threads", "0"],
+            &["encode", "a.obj", "-o", "b", "--device", "cuda"],
+            &["encode", "a.obj", "-o", "b", "--gpu-memory", "much"],
             &["encode", "a.obj", "-o", "b", "--drop", "beauty"],
             &["decode", "a.lods", "-o", "b.ply", "--level", "1", "--max-bytes", "2"],
             &["decode", "a.lods", "-o", "b.ply", "--max-error", "-1"],
