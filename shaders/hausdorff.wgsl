@@ -1,5 +1,5 @@
 // Squared distance of each point to the nearest of its candidate triangles: the inner loop of a Hausdorff estimate. One
-// invocation a point. CPU twin: `distances_on_cpu` in `src/gpu/hausdorff.rs`.
+// invocation a point. CPU twin: `Distances::on_cpu` in `src/gpu/hausdorff.rs`.
 //#include "triangle.wgsl"
 
 struct Count {

@@ -95,8 +95,11 @@ impl Results {
         let gpu = &device.device;
         let mut entries = inputs.to_vec();
         entries.push(self.output.binding(inputs.len() as u32));
-        let group =
-            gpu.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout: &kernel.layout, entries: &entries });
+        let group = gpu.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &kernel.layout,
+            entries: &entries,
+        });
         let mut encoder = gpu.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
@@ -120,10 +123,7 @@ impl Results {
         let (Some(submission), Some(mapped)) = (self.submission.take(), self.mapped.take()) else {
             return Err(device.failed("nothing was dispatched"));
         };
-        let wait = wgpu::PollType::Wait {
-            submission_index: Some(submission),
-            timeout: Some(device.options.deadline),
-        };
+        let wait = wgpu::PollType::Wait { submission_index: Some(submission), timeout: Some(device.options.deadline) };
         match device.device.poll(wait) {
             Ok(_) => {}
             Err(wgpu::PollError::Timeout) => return Err(device.late()),
@@ -135,11 +135,8 @@ impl Results {
             Ok(Err(error)) => return Err(device.failed(&error.to_string())),
             Err(_) => return Err(device.late()),
         }
-        let view = self
-            .readback
-            .buffer
-            .get_mapped_range(0..self.bytes)
-            .map_err(|error| device.failed(&error.to_string()))?;
+        let view =
+            self.readback.buffer.get_mapped_range(0..self.bytes).map_err(|error| device.failed(&error.to_string()))?;
         // The driver's memory may lie at any address.
         let words = bytemuck::pod_collect_to_vec(&view[..]);
         drop(view);

@@ -214,9 +214,17 @@ impl Device {
         let (adapter, info) = (&adapters[at], known[at].clone());
         let limits = adapter.limits();
         for (what, has, needs) in [
-            ("the number of buffers a kernel sees", u64::from(limits.max_storage_buffers_per_shader_stage), shader::BUFFERS as u64),
+            (
+                "the number of buffers a kernel sees",
+                u64::from(limits.max_storage_buffers_per_shader_stage),
+                shader::BUFFERS as u64,
+            ),
             ("the size of a bound buffer", limits.max_storage_buffer_binding_size, LEAST_BINDING),
-            ("the size of a workgroup", u64::from(limits.max_compute_invocations_per_workgroup), u64::from(shader::GROUP)),
+            (
+                "the size of a workgroup",
+                u64::from(limits.max_compute_invocations_per_workgroup),
+                u64::from(shader::GROUP),
+            ),
         ] {
             if has < needs {
                 return Err(DeviceError::TooSmall { device: info.name, what, has, needs });
@@ -242,12 +250,15 @@ impl Device {
         device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
             let device = name.clone();
             let reason = |text: &str| line(text);
-            keep(&slot, match error {
-                wgpu::Error::OutOfMemory { .. } => DeviceError::OutOfMemory { device },
-                wgpu::Error::Validation { description, .. } | wgpu::Error::Internal { description, .. } => {
-                    DeviceError::Failed { device, reason: reason(&description) }
-                }
-            });
+            keep(
+                &slot,
+                match error {
+                    wgpu::Error::OutOfMemory { .. } => DeviceError::OutOfMemory { device },
+                    wgpu::Error::Validation { description, .. } | wgpu::Error::Internal { description, .. } => {
+                        DeviceError::Failed { device, reason: reason(&description) }
+                    }
+                },
+            );
         }));
         let (name, slot) = (info.name.clone(), failure.clone());
         device.set_device_lost_callback(move |reason, text| {

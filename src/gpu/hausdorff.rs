@@ -50,7 +50,8 @@ impl Distances<'_> {
 /// # Errors
 /// [`DeviceError`]; among them [`DeviceError::TooSmall`] when an array exceeds what a kernel sees.
 pub fn distances(device: &Device, input: &Distances) -> Result<Vec<(f32, u32)>, DeviceError> {
-    let bytes = [input.points.len() * 12, input.start.len() * 4, input.candidates.len() * 4, input.triangles.len() * 36];
+    let bytes =
+        [input.points.len() * 12, input.start.len() * 4, input.candidates.len() * 4, input.triangles.len() * 36];
     let largest = bytes.into_iter().max().unwrap_or(0) as u64;
     let limit = device.info.binding_bytes.min(device.budget() / 4);
     if largest > limit {

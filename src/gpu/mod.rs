@@ -8,12 +8,13 @@
 //! - `shader`: the texts in `shaders/*.wgsl`, put together; their layout, which a test compares with Rust's.
 //! - `buffers`: memory on the device, and dispatches whose results come back by deadline.
 //! - [`GpuWeights`]: the evaluator of edge weights, twin of [`Cpu`](crate::metric::Cpu).
-//! - [`hausdorff`]: distances of points to triangles, and its twin.
+//! - [`distances`]: of points to triangles, and the twin; [`seam_displacements`]: of seams by collapses.
 
 mod buffers;
 mod device;
 mod error;
 mod hausdorff;
+mod seams;
 mod shader;
 mod weights;
 mod window;
@@ -21,6 +22,7 @@ mod window;
 pub use device::{Device, DeviceChoice, DeviceInfo, DeviceKind, DeviceOptions, devices, select_device};
 pub use error::DeviceError;
 pub use hausdorff::{Distances, distances};
+pub use seams::seam_displacements;
 pub use weights::GpuWeights;
 
 #[cfg(test)]

@@ -24,11 +24,12 @@ pub const TOO_LARGE: u32 = 4;
 pub const STARS: usize = 64;
 
 /// All files, by name.
-pub const FILES: [(&str, &str); 5] = [
+pub const FILES: [(&str, &str); 6] = [
     ("triangle.wgsl", include_str!("../../shaders/triangle.wgsl")),
     ("level.wgsl", include_str!("../../shaders/level.wgsl")),
     ("patch.wgsl", include_str!("../../shaders/patch.wgsl")),
     ("edge_weight.wgsl", include_str!("../../shaders/edge_weight.wgsl")),
+    ("seam_displacement.wgsl", include_str!("../../shaders/seam_displacement.wgsl")),
     ("hausdorff.wgsl", include_str!("../../shaders/hausdorff.wgsl")),
 ];
 
@@ -83,8 +84,8 @@ impl Kernel {
             label: Some(name),
             source: wgpu::ShaderSource::Wgsl(text.into()),
         });
-        let layout = gpu
-            .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(name), entries: &entries });
+        let layout =
+            gpu.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(name), entries: &entries });
         let pipeline_layout = gpu.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some(name),
             bind_group_layouts: &[Some(&layout)],

@@ -330,10 +330,13 @@ fn a_window_holds_what_its_edges_need() {
                 assert_eq!(at, positions[whole as usize]);
                 let range = window.star_start[v as usize] as usize..window.star_start[v as usize + 1] as usize;
                 let here: Vec<u32> = window.star_faces[range].to_vec();
-                let corners = here.iter().map(|&f| {
-                    window.face_start[f as usize + 1] as usize - window.face_start[f as usize] as usize
-                });
-                assert_eq!(corners.collect::<Vec<_>>(), star.get(whole).iter().map(|&f| level.faces.get(f).len()).collect::<Vec<_>>());
+                let corners = here
+                    .iter()
+                    .map(|&f| window.face_start[f as usize + 1] as usize - window.face_start[f as usize] as usize);
+                assert_eq!(
+                    corners.collect::<Vec<_>>(),
+                    star.get(whole).iter().map(|&f| level.faces.get(f).len()).collect::<Vec<_>>()
+                );
                 assert!(here.is_sorted());
             }
         }
@@ -351,7 +354,8 @@ fn distances_agree() {
             [[f.sin(), f.cos(), 0.1 * f], [(f * 1.3).sin(), f * 0.1, 1.0], [0.5, (f * 0.7).cos(), f * 0.02]]
         })
         .collect();
-    let points: Vec<[f32; 3]> = (0..500).map(|i| [(i as f32 * 0.1).sin(), (i as f32 * 0.37).cos(), 0.01 * i as f32]).collect();
+    let points: Vec<[f32; 3]> =
+        (0..500).map(|i| [(i as f32 * 0.1).sin(), (i as f32 * 0.37).cos(), 0.01 * i as f32]).collect();
     let start: Vec<u32> = (0..=500).map(|i| i * 10).collect();
     let candidates: Vec<u32> = (0..5000).map(|i| i * 7919 % 100).collect();
     let input = Distances { points: &points, start: &start, candidates: &candidates, triangles: &triangles };
@@ -375,6 +379,30 @@ fn distances_agree() {
     }
     let none = Distances { points: &points[..1], start: &[0, 0], candidates: &candidates, triangles: &triangles };
     assert_eq!(distances(&device, &none).unwrap(), none.on_cpu());
+}
+
+#[test]
+fn seams_agree() {
+    use crate::metric::{SeamPatch, seam_displacement};
+    let at = |i: usize| -> [f32; 3] { std::array::from_fn(|k| ((i * 7 + k * 13) % 23) as f32 * 0.37 - 4.0) };
+    let patches: Vec<SeamPatch> = (0..300)
+        .map(|i| SeamPatch {
+            half: at(i),
+            torn: i % 5 == 0,
+            on_seam: i % 3 > 0,
+            ring: (0..i % 4).map(|j| if j == 2 { [0.0; 3] } else { at(31 * i + j) }).collect(),
+        })
+        .collect();
+    let cpu: Vec<f32> = patches.iter().map(seam_displacement).collect();
+    assert!(cpu.iter().filter(|&&d| d > 0.0).count() > 100);
+    let module = validated("seam_displacement.wgsl");
+    let members = ["x", "y", "z", "marks"].iter().zip([0, 4, 8, 12]).map(|(n, o)| (n.to_string(), o)).collect();
+    assert_eq!(layout(&module, "SeamPatch"), (members, 16));
+    let Some(device) = test_device(DeviceOptions::default()) else { return };
+    let gpu = seam_displacements(&device, &patches).unwrap();
+    for (i, (c, g)) in cpu.iter().zip(&gpu).enumerate() {
+        assert!(if exact(&device) { c == g } else { (c - g).abs() <= 1e-5 * (1.0 + c) }, "{i}: {c} {g}");
+    }
 }
 
 proptest! {

@@ -110,10 +110,12 @@ impl GpuWeights {
                 })
                 .collect();
             drop(to_device);
-            let error = on_device.join().unwrap_or_else(|_| Err(DeviceError::Failed {
-                device: "the device's thread".to_string(),
-                reason: "it panicked".to_string(),
-            }));
+            let error = on_device.join().unwrap_or_else(|_| {
+                Err(DeviceError::Failed {
+                    device: "the device's thread".to_string(),
+                    reason: "it panicked".to_string(),
+                })
+            });
             let (weighed, mut more) = finish.join().unwrap_or_default();
             error?;
             more.extend(left);
@@ -144,14 +146,15 @@ impl GpuWeights {
         }
         let mut on_their_way: VecDeque<(usize, Run)> = VecDeque::new();
         let mut free: Vec<usize> = (0..slots.len()).collect();
-        let come_back = |on_their_way: &mut VecDeque<(usize, Run<'o>)>, free: &mut Vec<usize>, slots: &mut Vec<Slot>| {
-            let Some((slot, run)) = on_their_way.pop_front() else { return Ok(true) };
-            let mut span = task.trace.span("device: weigh", "wait for edge_weight");
-            span.items(run.places.len() as u64);
-            let outcomes = slots[slot].results.wait(device)?;
-            free.push(slot);
-            Ok(done.send((run, outcomes)).is_ok())
-        };
+        let come_back =
+            |on_their_way: &mut VecDeque<(usize, Run<'o>)>, free: &mut Vec<usize>, slots: &mut Vec<Slot>| {
+                let Some((slot, run)) = on_their_way.pop_front() else { return Ok(true) };
+                let mut span = task.trace.span("device: weigh", "wait for edge_weight");
+                span.items(run.places.len() as u64);
+                let outcomes = slots[slot].results.wait(device)?;
+                free.push(slot);
+                Ok(done.send((run, outcomes)).is_ok())
+            };
         for run in runs {
             if free.is_empty() && !come_back(&mut on_their_way, &mut free, slots)? {
                 return Ok(());
@@ -160,7 +163,8 @@ impl GpuWeights {
             let mut span = task.trace.span("device: upload", "upload edges");
             span.items(run.places.len() as u64);
             let at = &mut slots[slot];
-            let mut params = [run.places.len() as u32, task.level.positions.len() as u32, task.level.faces.len() as u32, 0];
+            let mut params =
+                [run.places.len() as u32, task.level.positions.len() as u32, task.level.faces.len() as u32, 0];
             if let Some(window) = &run.window {
                 params[1] = window.star_start.len() as u32 - 1;
                 params[2] = window.face_start.len() as u32 - 1;
@@ -208,7 +212,13 @@ impl Evaluator for GpuWeights {
 
 /// Write what is known of the edges whose smaller ends are `vertices`, list what has to be weighed; `left` gets the numbers of edges at
 /// stars that no kernel takes.
-fn list<'o>(task: &Task, vertices: std::ops::Range<u32>, first: usize, out: &'o mut [Fixed], left: &mut Vec<u32>) -> Run<'o> {
+fn list<'o>(
+    task: &Task,
+    vertices: std::ops::Range<u32>,
+    first: usize,
+    out: &'o mut [Fixed],
+    left: &mut Vec<u32>,
+) -> Run<'o> {
     let mut span = task.trace.work("list edges to weigh");
     let (mut places, mut ends) = (Vec::new(), Vec::new());
     let star = |v: u32| task.level.star.get(v).len();

@@ -106,7 +106,6 @@ pub fn simplify_on(
             let input = SeamInput { faces, star: &star, positions: &exact, attributes, layers };
             add_seams(&input, weigher.edges(), &weigher.scale(), &mut seamed);
         }
-        }
         let weighed = Instant::now();
         let span = trace.span("loop", "select");
         let chosen = select(
