@@ -174,7 +174,7 @@ fn kernels(mesh: &str, faces: &Faces, positions: &[[f32; 3]], names: &[String], 
     let Ok(one) = rayon::ThreadPoolBuilder::new().num_threads(1).build() else { return };
     let all = format!("processor, {} threads", rayon::current_num_threads());
     let mut by_cpu = vec![Fixed::ILLEGAL; edges.len()];
-    let mut weigh = |e: &mut dyn Evaluator, out: &mut [Fixed]| {
+    let weigh = |e: &mut dyn Evaluator, out: &mut [Fixed]| {
         if let Err(error) = e.weigh(&task, out) {
             println!("{}: {error}", e.name());
         }

@@ -8,15 +8,15 @@ const FOLDS: u32 = 0x100u;
 const SLIVER: f32 = 1e-4;
 /// Crossings that are kept; more are for the processor.
 const CROSSINGS: u32 = 48u;
-/// Lanes of the processor's blocks: sums over triangles go by lanes, in its order.
-const LANES: u32 = 8u;
+const SPOKES: u32 = 64u;
 
 /// The ring in the frame of the patch.
-var<private> flat: array<vec3<f32>, RING>;
+var<private> flat: array<vec2<f32>, RING>;
+/// Ring vertex of each spoke before, times two, plus one if it begins at `b`.
+var<private> spokes: array<u32, SPOKES>;
 var<private> crossing_gap: array<f32, CROSSINGS>;
-/// Ring vertex of the spoke before, of the spoke after in the next byte, bit 16: the spoke before begins at `b`.
+/// Ring vertex of the spoke after in the low byte, the spoke before as above in the next.
 var<private> crossing_spokes: array<u32, CROSSINGS>;
-var<private> lane_sums: array<vec3<f32>, LANES>;
 
 fn end_of(t: u32) -> vec3<f32> {
     return select(-half, half, (t & AT_B) != 0u);
@@ -211,14 +211,28 @@ fn patch_frame() -> Frame {
     var frame: Frame;
     frame.holds = false;
     let total = triangle_count + vanishing_count;
-    for (var l = 0u; l < LANES; l++) {
-        lane_sums[l] = vec3<f32>(0.0);
-    }
+    // The processor sums eight lanes apart: so do these, without an array, as indexed writes cost more than selections.
+    var s0 = vec3<f32>(0.0);
+    var s1 = s0;
+    var s2 = s0;
+    var s3 = s0;
+    var s4 = s0;
+    var s5 = s0;
+    var s6 = s0;
+    var s7 = s0;
     for (var i = 0u; i < total; i++) {
-        lane_sums[i % LANES] += normal_before(i);
+        let n = normal_before(i);
+        let l = i & 7u;
+        s0 = select(s0, s0 + n, l == 0u);
+        s1 = select(s1, s1 + n, l == 1u);
+        s2 = select(s2, s2 + n, l == 2u);
+        s3 = select(s3, s3 + n, l == 3u);
+        s4 = select(s4, s4 + n, l == 4u);
+        s5 = select(s5, s5 + n, l == 5u);
+        s6 = select(s6, s6 + n, l == 6u);
+        s7 = select(s7, s7 + n, l == 7u);
     }
-    let sum = ((lane_sums[0] + lane_sums[4]) + (lane_sums[1] + lane_sums[5]))
-        + ((lane_sums[2] + lane_sums[6]) + (lane_sums[3] + lane_sums[7]));
+    let sum = ((s0 + s4) + (s1 + s5)) + ((s2 + s6) + (s3 + s7));
     var low = 0.0;
     for (var i = 0u; i < total; i++) {
         low = smaller(low, dot3(sum, normal_before(i)));
@@ -243,46 +257,55 @@ fn patch_frame() -> Frame {
     return frame;
 }
 
-/// Where the spoke before from `fc` along `d` crosses the spoke after to `y`, in the frame: squared gap (0 if they do
-/// not cross), place on the first, place on the second.
-fn cross_spokes(fc: vec3<f32>, d: vec3<f32>, along: f32, y: vec3<f32>) -> vec3<f32> {
+/// Places where the spoke before from `fc` along `d` and the spoke after to `y` cross in the plane, on either.
+fn cross_spokes(fc: vec2<f32>, d: vec2<f32>, along: f32, y: vec2<f32>) -> vec2<f32> {
     let inv = 1.0 / (y.x * d.y - y.y * d.x);
-    let t = (fc.x * y.y - fc.y * y.x) * inv;
-    let s = along * inv;
-    let z = fc.z + t * d.z - s * y.z;
-    // Both between 0 and 1. Parallel lines give an infinity or no number: neither passes.
-    let inside = smaller(smaller(s, 1.0 - s), smaller(t, 1.0 - t));
-    return vec3<f32>(select(0.0, z * z, inside > 0.0), t, s);
+    return vec2<f32>((fc.x * y.y - fc.y * y.x) * inv, along * inv);
 }
 
 /// Raise `least` by the crossings of spokes before with spokes after, the largest gap first; below 0 if there are too
 /// many.
 fn crossings(frame: Frame, least: f32) -> f32 {
     var worst = least;
+    var spoke_count = 0u;
     for (var i = 0u; i < ring_count; i++) {
         let p = ring_at[i];
-        flat[i] = vec3<f32>(dot3(p, frame.x), dot3(p, frame.y), dot3(p, frame.n));
-    }
-    let fb = vec3<f32>(dot3(half, frame.x), dot3(half, frame.y), dot3(half, frame.n));
-    var count = 0u;
-    for (var i = 0u; i < 2u * ring_count; i++) {
-        let r = i >> 1u;
-        let at_b = (i & 1u) != 0u;
-        if (ring_marks[r] & select(SPOKE_A, SPOKE_B, at_b)) == 0u {
-            continue;
+        flat[i] = vec2<f32>(dot3(p, frame.x), dot3(p, frame.y));
+        let marks = ring_marks[i];
+        if (marks & SPOKE_A) != 0u {
+            spokes[spoke_count] = 2u * i;
+            spoke_count += 1u;
         }
+        if (marks & SPOKE_B) != 0u {
+            spokes[spoke_count] = 2u * i + 1u;
+            spoke_count += 1u;
+        }
+    }
+    let fb = vec2<f32>(dot3(half, frame.x), dot3(half, frame.y));
+    let hb = dot3(half, frame.n);
+    var count = 0u;
+    for (var i = 0u; i < spoke_count; i++) {
+        let spoke = spokes[i];
+        let at_b = (spoke & 1u) != 0u;
         let fc = select(-fb, fb, at_b);
-        let d = flat[r] - fc;
+        let d = flat[spoke >> 1u] - fc;
         let along = fc.x * d.y - fc.y * d.x;
         for (var j = 0u; j < ring_count; j++) {
-            let gap = cross_spokes(fc, d, along, flat[j]).x;
-            if gap > worst {
-                if count >= CROSSINGS {
-                    return -1.0;
+            let at = cross_spokes(fc, d, along, flat[j]);
+            // Both between 0 and 1. Parallel lines give an infinity or no number: neither passes.
+            let inside = smaller(smaller(at.y, 1.0 - at.y), smaller(at.x, 1.0 - at.x));
+            if inside > 0.0 {
+                let hc = select(-hb, hb, at_b);
+                let z = hc + at.x * (dot3(ring_at[spoke >> 1u], frame.n) - hc) - at.y * dot3(ring_at[j], frame.n);
+                let gap = z * z;
+                if gap > worst {
+                    if count >= CROSSINGS {
+                        return -1.0;
+                    }
+                    crossing_gap[count] = gap;
+                    crossing_spokes[count] = (spoke << 8u) | j;
+                    count += 1u;
                 }
-                crossing_gap[count] = gap;
-                crossing_spokes[count] = r | (j << 8u) | select(0u, AT_B, at_b);
-                count += 1u;
             }
         }
     }
@@ -301,16 +324,17 @@ fn crossings(frame: Frame, least: f32) -> f32 {
             break;
         }
         crossing_gap[at] = 0.0;
-        let spokes = crossing_spokes[at];
-        let at_b = (spokes & AT_B) != 0u;
-        let x = ring_at[spokes & 0xffu];
-        let y = ring_at[(spokes >> 8u) & 0xffu];
+        let spoke = crossing_spokes[at] >> 8u;
+        let j = crossing_spokes[at] & 0xffu;
+        let at_b = (spoke & 1u) != 0u;
+        let x = ring_at[spoke >> 1u];
+        let y = ring_at[j];
         let c = select(-half, half, at_b);
         let fc = select(-fb, fb, at_b);
-        let d = flat[spokes & 0xffu] - fc;
-        let places = cross_spokes(fc, d, fc.x * d.y - fc.y * d.x, flat[(spokes >> 8u) & 0xffu]);
-        let before = c + (x - c) * places.y;
-        let after = y * places.z;
+        let d = flat[spoke >> 1u] - fc;
+        let places = cross_spokes(fc, d, fc.x * d.y - fc.y * d.x, flat[j]);
+        let before = c + (x - c) * places.x;
+        let after = y * places.y;
         // Each spoke belongs to its patch: the distance to it bounds the distance to the patch.
         if segment2(before, vec3<f32>(0.0), y) > worst {
             worst = larger(worst, one_to_after(before));

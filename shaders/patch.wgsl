@@ -11,12 +11,19 @@ const DANGLING: u32 = 2u;
 const ILLEGAL: u32 = 3u;
 const TOO_LARGE: u32 = 4u;
 
-/// In `ring_marks`.
-const SPOKE_A: u32 = 0x100u;
-const SPOKE_B: u32 = 0x200u;
-const BORDER_A: u32 = 0x400u;
-const BORDER_B: u32 = 0x800u;
-const BORDER_AFTER: u32 = 0x1000u;
+/// In `ring_marks`, whose lower bits count: faces with the edge to `a`, to `b`, dangling edges to `a`, to `b`,
+/// triangles `(a, b, x)`, six bits each (a patch has at most 60 elements). One word, because writing where an index says
+/// is what costs most on software devices.
+const SPOKE_A: u32 = 0x40000000u;
+const SPOKE_B: u32 = 0x80000000u;
+const COUNT: u32 = 0x3fu;
+const STRINGS: u32 = 12u;
+const BOTH: u32 = 24u;
+const STARS: u32 = 60u;
+/// In `ring_marks` once the counts have been read.
+const BORDER_A: u32 = 1u;
+const BORDER_B: u32 = 2u;
+const BORDER_AFTER: u32 = 4u;
 
 /// In `triangles`.
 const AT_B: u32 = 0x10000u;
@@ -28,9 +35,7 @@ var<private> anchor: vec3<f32>;
 var<private> ring_count: u32;
 var<private> ring_vertex: array<u32, RING>;
 var<private> ring_at: array<vec3<f32>, RING>;
-/// From the lowest byte: faces with the edge to `a`, to `b`, dangling edges to `a`, to `b`.
-var<private> ring_uses: array<u32, RING>;
-/// Low byte: triangles `(a, b, x)`; then the flags above.
+/// Counts, then flags: see above.
 var<private> ring_marks: array<u32, RING>;
 var<private> triangle_count: u32;
 /// Ring vertex after the apex in the low byte, before it in the next, then the flags above.
@@ -58,7 +63,6 @@ fn place(x: u32) -> u32 {
     ring_count += 1u;
     ring_vertex[i] = x;
     ring_at[i] = (position(x) - anchor) - half;
-    ring_uses[i] = 0u;
     ring_marks[i] = 0u;
     return i;
 }
@@ -93,10 +97,28 @@ struct Uses {
     border: bool,
 }
 
+/// Count `plus` at a place and set flags there.
+fn mark(i: u32, plus: u32, flags: u32) {
+    if i != NOWHERE {
+        ring_marks[i] = (ring_marks[i] + plus) | flags;
+    }
+}
+
+/// A triangle of the fan at the edge: it vanishes.
+fn push_vanishing(third: u32, reversed: bool) {
+    if vanishing_count >= VANISHING {
+        overflows = true;
+        return;
+    }
+    vanishing[vanishing_count] = third | select(0u, 0x100u, reversed);
+    vanishing_count += 1u;
+}
+
 /// Read one star: `at_a` for `a`, whose elements at the edge vanish or lose a corner, else for `b`.
 fn read_star(apex: u32, other: u32, at_a: bool) -> Uses {
     var uses = Uses(0u, 0u, false, false);
-    let shift = select(8u, 0u, at_a);
+    let shift = select(6u, 0u, at_a);
+    let one = 1u << shift;
     let spoke = select(SPOKE_B, SPOKE_A, at_a);
     let side = select(AT_B, 0u, at_a);
     let end = star_start[apex + 1u];
@@ -104,82 +126,84 @@ fn read_star(apex: u32, other: u32, at_a: bool) -> Uses {
         let f = star_faces[s];
         let first_corner = face_start[f];
         let degree = face_start[f + 1u] - first_corner;
-        if degree > 3u {
+        if degree == 3u {
+            let x = corners[first_corner];
+            let y = corners[first_corner + 1u];
+            let z = corners[first_corner + 2u];
+            let next = select(select(x, z, y == apex), y, x == apex);
+            let before = select(select(y, x, y == apex), z, x == apex);
+            let next_place = place_unless(next, other);
+            let last = place_unless(before, other);
+            if next == other || before == other {
+                uses.faces += 1u;
+                let third = select(next_place, last, next == other);
+                // An element with both ends counts at `a` alone.
+                if at_a {
+                    push_vanishing(third, before == other);
+                    mark(third, one + (1u << BOTH), SPOKE_A | SPOKE_B);
+                } else {
+                    mark(third, one, 0u);
+                }
+            } else {
+                mark(next_place, one, spoke);
+                mark(last, one, spoke);
+                push_triangle(next_place, last, side);
+            }
+        } else if degree == 2u {
+            let x = corners[first_corner];
+            let next = select(x, corners[first_corner + 1u], x == apex);
+            if next == other {
+                uses.strings += 1u;
+            } else {
+                let here = place(next);
+                mark(here, one << STRINGS, spoke);
+                push_triangle(here, here, side);
+            }
+        } else {
             polygons = true;
             if degree > RING {
                 overflows = true;
                 return uses;
             }
-        }
-        var at = 0u;
-        for (var i = 0u; i < degree; i++) {
-            if corners[first_corner + i] == apex {
-                at = i;
-                break;
+            var at = 0u;
+            for (var i = 0u; i < degree; i++) {
+                if corners[first_corner + i] == apex {
+                    at = i;
+                    break;
+                }
             }
-        }
-        // The corners after the apex, in the orientation of the element.
-        var k = at + 1u;
-        k = select(k, 0u, k == degree);
-        let next = corners[first_corner + k];
-        let next_place = place_unless(next, other);
-        if degree == 2u {
-            if next == other {
-                uses.strings += 1u;
-            } else {
-                ring_uses[next_place] += 0x10000u << shift;
-                ring_marks[next_place] |= spoke;
-                push_triangle(next_place, next_place, side);
-            }
-            continue;
-        }
-        let before = corners[first_corner + select(at, degree, at == 0u) - 1u];
-        // An element with both ends counts at `a` alone.
-        let mine = at_a || (next != other && before != other);
-        var last = next_place;
-        var continues = 0u;
-        for (var i = 2u; i < degree; i++) {
-            k += 1u;
-            k = select(k, 0u, k == degree);
-            let x = corners[first_corner + k];
-            let here = place_unless(x, other);
-            if i + 1u < degree && x == other {
-                uses.far = true;
-            }
-            if !mine {
+            // The corners after the apex, in the orientation of the element.
+            var k = select(at + 1u, 0u, at + 1u == degree);
+            let next = corners[first_corner + k];
+            let next_place = place_unless(next, other);
+            let before = corners[first_corner + select(at, degree, at == 0u) - 1u];
+            let mine = at_a || (next != other && before != other);
+            var last = next_place;
+            var continues = 0u;
+            for (var i = 2u; i < degree; i++) {
+                k = select(k + 1u, 0u, k + 1u == degree);
+                let x = corners[first_corner + k];
+                let here = place_unless(x, other);
+                if i + 1u < degree && x == other {
+                    uses.far = true;
+                }
+                if mine {
+                    if last == NOWHERE || here == NOWHERE {
+                        let third = select(here, last, here == NOWHERE);
+                        push_vanishing(third, here == NOWHERE);
+                        mark(third, 0u, SPOKE_A | SPOKE_B);
+                    } else {
+                        mark(last, 0u, spoke);
+                        mark(here, 0u, spoke);
+                        push_triangle(last, here, side | continues);
+                        continues = CONTINUES;
+                    }
+                }
                 last = here;
-                continue;
             }
-            if last == NOWHERE || here == NOWHERE {
-                let reversed = here == NOWHERE;
-                let third = select(here, last, reversed);
-                if vanishing_count >= VANISHING {
-                    overflows = true;
-                } else {
-                    vanishing[vanishing_count] = third | select(0u, 0x100u, reversed);
-                    vanishing_count += 1u;
-                }
-                ring_marks[third] |= SPOKE_A | SPOKE_B;
-                if degree == 3u {
-                    ring_marks[third] += 1u;
-                }
-            } else {
-                ring_marks[last] |= spoke;
-                ring_marks[here] |= spoke;
-                push_triangle(last, here, side | continues);
-                continues = CONTINUES;
-            }
-            last = here;
-        }
-        if next_place == NOWHERE {
-            uses.faces += 1u;
-        } else {
-            ring_uses[next_place] += 1u << shift;
-        }
-        if last == NOWHERE {
-            uses.faces += 1u;
-        } else {
-            ring_uses[last] += 1u << shift;
+            uses.faces += select(0u, 1u, next == other) + select(0u, 1u, before == other);
+            mark(next_place, one, 0u);
+            mark(last, one, 0u);
         }
         if overflows {
             return uses;
@@ -187,7 +211,7 @@ fn read_star(apex: u32, other: u32, at_a: bool) -> Uses {
     }
     uses.border = uses.faces == 1u;
     for (var i = 0u; i < ring_count; i++) {
-        uses.border = uses.border || ((ring_uses[i] >> shift) & 0xffu) == 1u;
+        uses.border = uses.border || ((ring_marks[i] >> shift) & COUNT) == 1u;
     }
     return uses;
 }
@@ -206,7 +230,7 @@ fn read_patch(a: u32, b: u32) -> u32 {
     // A star of more triangles than fit is not even begun.
     let at_a = star_start[a + 1u] - star_start[a];
     let at_b = star_start[b + 1u] - star_start[b];
-    if at_a + at_b > TRIANGLES + 2u * VANISHING {
+    if at_a + at_b > STARS {
         return TOO_LARGE;
     }
     let of_a = read_star(a, b, true);
@@ -226,10 +250,10 @@ fn read_patch(a: u32, b: u32) -> u32 {
     }
     var breaks = of_a.faces > 1u && of_a.border && of_b.border;
     for (var i = 0u; i < ring_count; i++) {
-        let uses = ring_uses[i];
-        let to_a = (uses & 0xffu) + ((uses >> 16u) & 0xffu);
-        let to_b = ((uses >> 8u) & 0xffu) + (uses >> 24u);
-        let both = ring_marks[i] & 0xffu;
+        let counts = ring_marks[i];
+        let to_a = (counts & COUNT) + ((counts >> STRINGS) & COUNT);
+        let to_b = ((counts >> 6u) & COUNT) + ((counts >> (STRINGS + 6u)) & COUNT);
+        let both = (counts >> BOTH) & COUNT;
         // A triangle (a, b, x) is counted at both ends and leaves both.
         let after = to_a + to_b - 2u * both;
         if both > 0u {
@@ -237,7 +261,7 @@ fn read_patch(a: u32, b: u32) -> u32 {
         } else {
             breaks = breaks || (to_a > 0u && to_b > 0u);
         }
-        var marks = ring_marks[i];
+        var marks = counts & (SPOKE_A | SPOKE_B);
         marks |= select(0u, BORDER_A, to_a == 1u);
         marks |= select(0u, BORDER_B, to_b == 1u);
         marks |= select(0u, BORDER_AFTER, after == 1u);

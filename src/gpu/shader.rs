@@ -21,7 +21,7 @@ pub const FOLDS: u32 = 0x100;
 /// The class of a patch that the kernel does not take.
 pub const TOO_LARGE: u32 = 4;
 /// Stars of both ends together with more elements are not even begun.
-pub const STARS: usize = 64;
+pub const STARS: usize = 60;
 
 /// All files, by name.
 pub const FILES: [(&str, &str); 6] = [

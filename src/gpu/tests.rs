@@ -105,7 +105,7 @@ fn shaders_are_valid_and_laid_out_as_rust_assumes() {
 #[test]
 fn constants_of_shaders_are_those_of_rust() {
     let text = compose("edge_weight.wgsl");
-    for (name, value) in [("FOLDS", shader::FOLDS), ("TOO_LARGE", shader::TOO_LARGE)] {
+    for (name, value) in [("FOLDS", shader::FOLDS), ("TOO_LARGE", shader::TOO_LARGE), ("STARS", shader::STARS as u32)] {
         let found = text.lines().any(|l| {
             let rest = l.strip_prefix(&format!("const {name}: u32 = "));
             let number = rest.and_then(|r| r.strip_suffix("u;"));
