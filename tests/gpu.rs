@@ -86,7 +86,7 @@ fn software_vulkan_makes_the_same_file() {
 
 fn rock(name: &str) -> Scratch {
     let scratch = Scratch::new(name);
-    write::write_path(&scratch.path("rock.ply"), &generate::ringed_asteroid(12, 60, 1), None, &WriteOptions::default())
+    write::write_path(scratch.path("rock.ply"), &generate::ringed_asteroid(12, 60, 1), None, &WriteOptions::default())
         .unwrap();
     lodestream_in(scratch.folder(), "encode rock.ply -o cpu.lods --device cpu", &[]).ok();
     scratch

@@ -19,7 +19,8 @@ mod shader;
 mod weights;
 mod window;
 
-pub use device::{Device, DeviceChoice, DeviceInfo, DeviceKind, DeviceOptions, devices, select_device};
+pub use crate::metric::DeviceChoice;
+pub use device::{Device, DeviceInfo, DeviceKind, DeviceOptions, devices, select_device};
 pub use error::DeviceError;
 pub use hausdorff::{Distances, distances};
 pub use seams::seam_displacements;

@@ -5,6 +5,7 @@
 
 mod bisect;
 mod bound;
+mod choice;
 mod edges;
 mod evaluator;
 mod fixed;
@@ -15,6 +16,7 @@ mod weigher;
 mod weight;
 
 pub use bound::{BoundScratch, hausdorff_between, hausdorff_bound};
+pub use choice::DeviceChoice;
 pub use edges::{EdgeList, neighbours};
 pub use evaluator::{Cpu, Engine, EvaluateError, Evaluator, Task, weigh_some};
 pub use fixed::{Fixed, Scale};

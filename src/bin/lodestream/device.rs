@@ -1,22 +1,22 @@
-//! `--device` and what belongs to it, and `lodestream devices`.
+//! `--device` and what belongs to it.
 //!
 //! Edges are weighed on a GPU where one is asked for, or where `auto` expects that to be sooner done. Whatever goes
-//! wrong with it is said once on standard error, and the processor does the work: same exit code, an exact file.
+//! wrong with it is said once on standard error, and the processor does the work: same exit code, an exact file. A build
+//! without the feature `gpu` takes the same options, and says that it has none.
 
-use crate::Outcome;
 use crate::shared;
 use anyhow::{Context, Result};
-use lodestream::gpu::{
-    Device, DeviceChoice, DeviceError, DeviceInfo, DeviceKind, DeviceOptions, GpuWeights, devices, select_device,
-};
-use lodestream::metric::{Engine, EvaluateError, Evaluator, Fixed, Task};
+#[cfg(feature = "gpu")]
+use lodestream::gpu::{Device, DeviceError, DeviceOptions, GpuWeights};
+use lodestream::metric::{DeviceChoice, Engine, Evaluator};
+#[cfg(feature = "gpu")]
+use lodestream::metric::{EvaluateError, Fixed, Task};
 use lodestream::trace::Trace;
-use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// `auto` leaves smaller meshes to the processor: vertices for each of its threads. Finding a device and compiling
 /// a kernel takes about a second, in which a thread weighs the edges of so many vertices down to the base.
-const WORTH: usize = 50_000;
+pub const WORTH: usize = 50_000;
 
 /// Options of the device.
 #[derive(clap::Args)]
@@ -40,22 +40,18 @@ impl DeviceArgs {
         if self.device == DeviceChoice::Cpu || small {
             return Engine { trace, ..Engine::default() };
         }
-        let _span = trace.span("device: upload", "open device");
-        let options = DeviceOptions { memory: self.gpu_memory, ..DeviceOptions::default() };
-        let opened = Device::open(&self.device, options).and_then(GpuWeights::new);
-        let engine = match opened {
-            Ok(weights) => Engine { evaluator: lose_for_a_test(Box::new(weights)), trace: trace.clone() },
-            // Nothing was asked for by name, and nothing is there: that is the ordinary case.
-            Err(DeviceError::None { .. }) if self.device == DeviceChoice::Auto => {
-                Engine { trace: trace.clone(), ..Engine::default() }
+        let span = trace.span("device: upload", "open device");
+        let opened = open(&self.device, self.gpu_memory);
+        drop(span);
+        match opened {
+            Ok(evaluator) => Engine { evaluator, trace },
+            Err(why) => {
+                if let Some(why) = why {
+                    fell_back(&why);
+                }
+                Engine { trace, ..Engine::default() }
             }
-            Err(error) => {
-                fell_back(&error.to_string());
-                Engine { trace: trace.clone(), ..Engine::default() }
-            }
-        };
-        drop(_span);
-        engine
+        }
     }
 
     /// Write the trace, if one was asked for.
@@ -65,6 +61,23 @@ impl DeviceArgs {
     }
 }
 
+/// The device that is meant, ready to weigh; or why there is none, if that is worth saying.
+#[cfg(feature = "gpu")]
+fn open(choice: &DeviceChoice, memory: Option<u64>) -> Result<Box<dyn Evaluator>, Option<String>> {
+    let options = DeviceOptions { memory, ..DeviceOptions::default() };
+    match Device::open(choice, options).and_then(GpuWeights::new) {
+        Ok(weights) => Ok(lose_for_a_test(Box::new(weights))),
+        // Nothing was asked for by name, and nothing is there: that is the ordinary case.
+        Err(DeviceError::None { .. }) if !choice.insists() => Err(None),
+        Err(error) => Err(Some(error.to_string())),
+    }
+}
+
+#[cfg(not(feature = "gpu"))]
+fn open(choice: &DeviceChoice, _memory: Option<u64>) -> Result<Box<dyn Evaluator>, Option<String>> {
+    Err(choice.insists().then(|| "this program was built without GPU support".to_string()))
+}
+
 /// The one line that says that the processor does the work.
 pub fn fell_back(why: &str) {
     shared::warn(format!("{why}; the processor weighs the edges instead"));
@@ -72,6 +85,7 @@ pub fn fell_back(why: &str) {
 
 /// With `LODESTREAM_LOSE_DEVICE=N` in the environment, the device is lost at the N-th level: for tests of what then
 /// happens.
+#[cfg(feature = "gpu")]
 fn lose_for_a_test(inner: Box<dyn Evaluator>) -> Box<dyn Evaluator> {
     match std::env::var("LODESTREAM_LOSE_DEVICE").ok().and_then(|n| n.parse().ok()) {
         Some(levels) => Box::new(Lost { inner, levels }),
@@ -79,12 +93,14 @@ fn lose_for_a_test(inner: Box<dyn Evaluator>) -> Box<dyn Evaluator> {
     }
 }
 
+#[cfg(feature = "gpu")]
 #[derive(Debug)]
 struct Lost {
     inner: Box<dyn Evaluator>,
     levels: u32,
 }
 
+#[cfg(feature = "gpu")]
 impl Evaluator for Lost {
     fn name(&self) -> String {
         self.inner.name()
@@ -101,79 +117,5 @@ impl Evaluator for Lost {
         }
         self.levels -= 1;
         self.inner.weigh(task, out)
-    }
-}
-
-#[derive(clap::Args)]
-#[command(after_help = "\
-Examples:
-  lodestream devices
-  lodestream encode scan.ply -o scan.lods --device gpu:llvmpipe")]
-pub struct Args {
-    /// Print one JSON object
-    #[arg(long)]
-    json: bool,
-}
-
-/// Say what is there and which one `auto` takes.
-pub fn run(args: &Args) -> Result<Outcome> {
-    let (known, trouble) = match devices(&DeviceOptions::default()) {
-        Ok(known) => (known, None),
-        Err(error) => (Vec::new(), Some(error.to_string())),
-    };
-    let auto = select_device(&DeviceChoice::Auto, &known).ok();
-    let why = trouble.unwrap_or_else(|| why(&known, auto));
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    if args.json {
-        let list: Vec<Value> = known.iter().enumerate().map(|(i, d)| account(d, auto == Some(i))).collect();
-        shared::print_json(&json!({
-            "devices": list,
-            "processor_threads": threads,
-            "auto": auto.map_or("cpu", |at| known[at].name.as_str()),
-            "auto_least_vertices": auto.map(|_| WORTH * threads),
-            "why": why,
-        }))?;
-        return Ok(Outcome::Done);
-    }
-    let mut text = format!("cpu: {threads} threads\n");
-    for (i, d) in known.iter().enumerate() {
-        let mark = if auto == Some(i) { ", what auto takes" } else { "" };
-        text.push_str(&format!("gpu:{}: {} by {}{mark}\n", d.name, d.kind.name(), d.backend));
-        text.push_str(&format!(
-            "  driver {}; buffers up to {}, {} at once for a kernel\n",
-            d.driver,
-            shared::human_bytes(d.buffer_bytes),
-            shared::human_bytes(d.binding_bytes)
-        ));
-    }
-    text.push_str(&format!("auto: {why}\n"));
-    shared::print(&text)?;
-    Ok(Outcome::Done)
-}
-
-fn account(d: &DeviceInfo, auto: bool) -> Value {
-    json!({
-        "name": d.name,
-        "kind": d.kind.name(),
-        "backend": d.backend,
-        "driver": d.driver,
-        "max_buffer_bytes": d.buffer_bytes,
-        "max_binding_bytes": d.binding_bytes,
-        "max_storage_buffers": d.bindings,
-        "auto": auto,
-    })
-}
-
-fn why(known: &[DeviceInfo], auto: Option<usize>) -> String {
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    match auto {
-        Some(at) => format!(
-            "takes {} for meshes of {} vertices and more: the {} device there is; below, the processor is done sooner",
-            known[at].name,
-            shared::thousands((WORTH * threads) as u64),
-            if known[at].kind == DeviceKind::Discrete { "fastest kind of" } else { "best" }
-        ),
-        None if known.is_empty() => "takes the processor: no GPU and no driver is there".to_string(),
-        None => "takes the processor: software devices are slower than it, and taken only by name".to_string(),
     }
 }

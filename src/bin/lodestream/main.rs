@@ -9,6 +9,8 @@ mod compare;
 mod decode;
 mod demo;
 mod device;
+#[cfg(feature = "gpu")]
+mod devices;
 mod encode;
 mod info;
 mod ingest;
@@ -63,7 +65,8 @@ enum Command {
     /// Encode folders and buckets full of meshes, unattended
     Ingest(Box<ingest::Args>),
     /// List the GPUs that can weigh edges, and which one is taken
-    Devices(device::Args),
+    #[cfg(feature = "gpu")]
+    Devices(devices::Args),
     /// Make a mesh, encode it, decode several levels, show pictures of them
     Demo(demo::Args),
 }
@@ -97,7 +100,8 @@ fn main() -> ExitCode {
         Command::Render(args) => render::run(args),
         Command::Report(args) => report::run(args),
         Command::Ingest(args) => ingest::run(args),
-        Command::Devices(args) => device::run(args),
+        #[cfg(feature = "gpu")]
+        Command::Devices(args) => devices::run(args),
         Command::Demo(args) => demo::run(args),
     };
     match result {
