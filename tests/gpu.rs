@@ -79,8 +79,67 @@ fn software_vulkan_makes_the_same_file() {
     assert_eq!(encoded.report.edges_weighed, whole.report.edges_weighed);
     let json: serde_json::Value = serde_json::from_str(&trace.to_json()).unwrap();
     let names: Vec<&str> = json["traceEvents"].as_array().unwrap().iter().filter_map(|e| e["name"].as_str()).collect();
-    for name in ["upload level", "upload edges", "wait for edge_weight", "make integers", "collapse", "bound errors"] {
+    for name in [
+        "upload level",
+        "upload changes",
+        "upload edges",
+        "wait for edge_weight",
+        "make integers",
+        "collapse",
+        "bound errors",
+    ] {
         assert!(names.contains(&name), "{name}");
+    }
+}
+
+#[test]
+fn a_level_stays_on_the_device_from_batch_to_batch() {
+    let Some(device) = software("a_level_stays_on_the_device_from_batch_to_batch") else { return };
+    let options = EncodeOptions::default();
+    let (mut whole, mut changes) = (0, 0);
+    // One evaluator for all: nothing of one mesh may be left for the next.
+    let mut evaluator: Box<dyn Evaluator> = Box::new(GpuWeights::new(device).unwrap());
+    for name in ["mixed", "soup", "crumbs", "torus"] {
+        let mesh = generate::by_name(name, 3000, 7).unwrap();
+        let by_cpu = encode(&mesh, &options, &|_| {}).unwrap();
+        let trace = Trace::on();
+        let lent = Lent::new(evaluator);
+        let engine = Engine { evaluator: Box::new(lent.clone()), trace: trace.clone() };
+        let encoded = encode_on(&mesh, &options, engine, &|_| {}).unwrap();
+        evaluator = lent.back();
+        assert!(encoded.bytes == by_cpu.bytes && encoded.report.fallback.is_none(), "{name}");
+        let count = |what: &str| trace.to_json().matches(&format!("\"{what}\"")).count();
+        whole += count("upload level");
+        changes += count("upload changes");
+    }
+    assert!(whole >= 4 && changes > 4 * whole, "{whole} {changes}");
+}
+
+/// An evaluator that can be had back.
+#[derive(Clone, Debug)]
+struct Lent(std::sync::Arc<std::sync::Mutex<Option<Box<dyn Evaluator>>>>);
+
+impl Lent {
+    fn new(evaluator: Box<dyn Evaluator>) -> Self {
+        Lent(std::sync::Arc::new(std::sync::Mutex::new(Some(evaluator))))
+    }
+
+    fn back(&self) -> Box<dyn Evaluator> {
+        self.0.lock().unwrap().take().unwrap()
+    }
+}
+
+impl Evaluator for Lent {
+    fn name(&self) -> String {
+        "lent".to_string()
+    }
+
+    fn beside(&self) -> bool {
+        true
+    }
+
+    fn weigh(&mut self, task: &Task, out: &mut [Fixed]) -> Result<u64, EvaluateError> {
+        self.0.lock().unwrap().as_mut().unwrap().weigh(task, out)
     }
 }
 

@@ -39,6 +39,16 @@ impl Growing {
         device.queue.write_buffer(&self.buffer, 0, bytemuck::cast_slice(words));
     }
 
+    /// Put bytes at an offset, where there is room for them.
+    pub fn put_at(&mut self, device: &Device, offset: u64, bytes: &[u8]) {
+        device.queue.write_buffer(&self.buffer, offset, bytes);
+    }
+
+    /// Bytes that fit.
+    pub fn size(&self) -> u64 {
+        self.buffer.size()
+    }
+
     pub fn binding(&self, binding: u32) -> wgpu::BindGroupEntry<'_> {
         wgpu::BindGroupEntry { binding, resource: self.buffer.as_entire_binding() }
     }
@@ -46,6 +56,50 @@ impl Growing {
 
 fn create(device: &Device, usage: wgpu::BufferUsages, size: u64) -> wgpu::Buffer {
     device.device.create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false })
+}
+
+/// Workgroups for so many items.
+fn groups(device: &Device, count: usize) -> Result<u32, DeviceError> {
+    let groups = (count as u32).div_ceil(GROUP);
+    let most = device.device.limits().max_compute_workgroups_per_dimension;
+    if groups > most {
+        return Err(DeviceError::TooSmall {
+            device: device.info.name.clone(),
+            what: "the number of workgroups",
+            has: most.into(),
+            needs: groups.into(),
+        });
+    }
+    Ok(groups)
+}
+
+fn pass(
+    device: &Device,
+    encoder: &mut wgpu::CommandEncoder,
+    kernel: &Kernel,
+    entries: &[wgpu::BindGroupEntry],
+    groups: u32,
+) {
+    let group =
+        device.device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout: &kernel.layout, entries });
+    let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+    pass.set_pipeline(&kernel.pipeline);
+    pass.set_bind_group(0, &group, &[]);
+    pass.dispatch_workgroups(groups, 1, 1);
+}
+
+/// Dispatch `kernel` over `count` items; what it writes stays on the device.
+pub fn change(
+    device: &Device,
+    kernel: &Kernel,
+    entries: &[wgpu::BindGroupEntry],
+    count: usize,
+) -> Result<(), DeviceError> {
+    let groups = groups(device, count)?;
+    let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    pass(device, &mut encoder, kernel, entries, groups);
+    device.queue.submit([encoder.finish()]);
+    device.check()
 }
 
 /// Where the results of one dispatch go, and what tells when they are there.
@@ -78,16 +132,7 @@ impl Results {
         count: usize,
         words: usize,
     ) -> Result<(), DeviceError> {
-        let groups = (count as u32).div_ceil(GROUP);
-        let most = device.device.limits().max_compute_workgroups_per_dimension;
-        if groups > most {
-            return Err(DeviceError::TooSmall {
-                device: device.info.name.clone(),
-                what: "the number of workgroups",
-                has: most.into(),
-                needs: groups.into(),
-            });
-        }
+        let groups = groups(device, count)?;
         self.bytes = (count * words * 4) as u64;
         self.output.reserve(device, self.bytes);
         self.readback.reserve(device, self.bytes);
@@ -95,18 +140,8 @@ impl Results {
         let gpu = &device.device;
         let mut entries = inputs.to_vec();
         entries.push(self.output.binding(inputs.len() as u32));
-        let group = gpu.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: None,
-            layout: &kernel.layout,
-            entries: &entries,
-        });
         let mut encoder = gpu.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            pass.set_pipeline(&kernel.pipeline);
-            pass.set_bind_group(0, &group, &[]);
-            pass.dispatch_workgroups(groups, 1, 1);
-        }
+        pass(device, &mut encoder, kernel, &entries, groups);
         encoder.copy_buffer_to_buffer(&self.output.buffer, 0, &self.readback.buffer, 0, self.bytes);
         self.submission = Some(device.queue.submit([encoder.finish()]));
         device.check()?;

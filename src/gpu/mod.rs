@@ -7,6 +7,8 @@
 //! - [`device`](Device): choosing and opening one; limits; errors that arrive out of turn.
 //! - `shader`: the texts in `shaders/*.wgsl`, put together; their layout, which a test compares with Rust's.
 //! - `buffers`: memory on the device, and dispatches whose results come back by deadline.
+//! - `stars`, `resident`, `window`: a level as the kernels read it; how it stays on the device from batch to batch; what is
+//!   done where it does not fit.
 //! - [`GpuWeights`]: the evaluator of edge weights, twin of [`Cpu`](crate::metric::Cpu).
 //! - [`distances`]: of points to triangles, and the twin; [`seam_displacements`]: of seams by collapses.
 
@@ -14,8 +16,10 @@ mod buffers;
 mod device;
 mod error;
 mod hausdorff;
+mod resident;
 mod seams;
 mod shader;
+mod stars;
 mod weights;
 mod window;
 

@@ -73,22 +73,20 @@ fn shaders_are_valid_and_laid_out_as_rust_assumes() {
     let at = |name: &str, i: u32| (name.to_string(), 4 * i);
     assert_eq!(
         layout(&module, "Params"),
-        (vec![at("edges", 0), at("vertices", 1), at("elements", 2), at("pad", 3)], 4 * PARAMS as u32)
+        (vec![at("edges", 0), at("zero", 1), at("pad0", 2), at("pad1", 3)], 4 * PARAMS as u32)
     );
     assert_eq!(layout(&module, "Outcome"), (vec![at("value", 0), at("kind", 1)], 4 * OUTCOME as u32));
     let list = bindings(&module);
     let names: Vec<(u32, &str, u32)> = list.iter().map(|(i, n, s)| (*i, n.as_str(), *s)).collect();
-    let expected = [
-        (0, "params", 0),
-        (1, "positions", 4),
-        (2, "face_start", 4),
-        (3, "corners", 4),
-        (4, "star_start", 4),
-        (5, "star_faces", 4),
-        (6, "edges", 8),
-        (7, "outcomes", 8),
-    ];
+    let expected = [(0, "params", 0), (1, "vertices", 16), (2, "stars", 8), (3, "edges", 8), (4, "outcomes", 8)];
     assert_eq!(names, expected);
+    assert_eq!(module.entry_points[0].workgroup_size, [shader::GROUP, 1, 1]);
+
+    let module = validated("apply.wgsl");
+    assert_eq!(layout(&module, "Changes"), (vec![at("count", 0), at("pad0", 1), at("pad1", 2), at("pad2", 3)], 16));
+    let list = bindings(&module);
+    let names: Vec<(u32, &str, u32)> = list.iter().map(|(i, n, s)| (*i, n.as_str(), *s)).collect();
+    assert_eq!(names, [(0, "changes", 0), (1, "records", 16), (2, "slots", 4), (3, "resident", 16)]);
     assert_eq!(module.entry_points[0].workgroup_size, [shader::GROUP, 1, 1]);
 
     let module = validated("hausdorff.wgsl");
@@ -105,7 +103,20 @@ fn shaders_are_valid_and_laid_out_as_rust_assumes() {
 #[test]
 fn constants_of_shaders_are_those_of_rust() {
     let text = compose("edge_weight.wgsl");
-    for (name, value) in [("FOLDS", shader::FOLDS), ("TOO_LARGE", shader::TOO_LARGE), ("STARS", shader::STARS as u32)] {
+    for (name, value) in [
+        ("FOLDS", shader::FOLDS),
+        ("TOO_LARGE", shader::TOO_LARGE),
+        ("STARS", shader::STARS as u32),
+        ("RING", shader::RING as u32),
+        ("TRIANGLES", shader::TRIANGLES as u32),
+        ("STAR_BORDER", shader::STAR_BORDER),
+        ("STAR_POLYGONS", shader::STAR_POLYGONS),
+        ("STAR_TOO_LARGE", shader::STAR_TOO_LARGE),
+        ("STAR_FAR", shader::STAR_FAR),
+        ("FAN_STRING", shader::FAN_STRING),
+        ("FAN_POLYGON", shader::FAN_POLYGON),
+        ("FAN_NONE", shader::FAN_NONE),
+    ] {
         let found = text.lines().any(|l| {
             let rest = l.strip_prefix(&format!("const {name}: u32 = "));
             let number = rest.and_then(|r| r.strip_suffix("u;"));
@@ -321,23 +332,25 @@ fn a_window_holds_what_its_edges_need() {
     while from < ends.len() {
         let (window, taken) = cut(&input, &ends[from..], 8_000);
         assert!(taken > 0);
-        let bytes = window.positions.len() * 4
-            + (window.face_start.len() + window.corners.len() + window.star_start.len() + window.star_faces.len()) * 4;
+        let bytes = window.stars.bytes().1;
         assert!(bytes <= 8_000 + 2_000, "{bytes}");
+        let mut side = crate::metric::Side::default();
         for (local, &[a, b]) in window.edges.iter().zip(&ends[from..]) {
             for (&v, whole) in local.iter().zip([a, b]) {
-                let at = &window.positions[3 * v as usize..3 * v as usize + 3];
-                assert_eq!(at, positions[whole as usize]);
-                let range = window.star_start[v as usize] as usize..window.star_start[v as usize + 1] as usize;
-                let here: Vec<u32> = window.star_faces[range].to_vec();
-                let corners = here
-                    .iter()
-                    .map(|&f| window.face_start[f as usize + 1] as usize - window.face_start[f as usize] as usize);
-                assert_eq!(
-                    corners.collect::<Vec<_>>(),
-                    star.get(whole).iter().map(|&f| level.faces.get(f).len()).collect::<Vec<_>>()
-                );
-                assert!(here.is_sorted());
+                // The same star as in the whole level, but for the numbers of its vertices, whose records are there.
+                let record = window.stars.records[v as usize];
+                assert_eq!(record[..3], positions[whole as usize].map(f32::to_bits));
+                let mut alone = super::stars::Stars::default();
+                alone.push(&input, whole, &mut side, |x| x);
+                let here = &window.stars.words[record[3] as usize..][..alone.words.len()];
+                assert_eq!(here[0], alone.words[0]);
+                let around = (alone.words[0][0] & 0xff) as usize;
+                for (x, y) in here[1..=around].iter().zip(&alone.words[1..=around]) {
+                    assert_eq!(x[1], y[1]);
+                    let at = window.stars.records[x[0] as usize];
+                    assert_eq!(at[..3], positions[y[0] as usize].map(f32::to_bits));
+                }
+                assert_eq!(here[around + 1..], alone.words[around + 1..]);
             }
         }
         from += taken;

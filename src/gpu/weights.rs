@@ -1,9 +1,10 @@
 //! The evaluator of edge weights on a device; twin of [`Cpu`](crate::metric::Cpu).
 //!
-//! Three stages, joined by bounded channels: the processor's threads ask for runs of edges which are known already and
-//! list the others; one thread uploads them and dispatches, two runs at a time, so that the device works on one while the
-//! results of the other come back; one thread turns results into integers. Patches that the kernel does not take (large
-//! rings, hubs, collapses that break the complex) are weighed by the processor at the end.
+//! First the level on the device is made to follow the loop (`resident`). Then three stages, joined by bounded channels: the
+//! processor's threads ask for runs of edges which are known already and list the others; one thread uploads them and
+//! dispatches, two runs at a time, so that the device works on one while the results of the other come back; one thread
+//! turns results into integers. Patches that the kernel does not take (large rings, hubs) are weighed by the processor at
+//! the end.
 
 use crossbeam_channel::{Receiver, Sender, bounded};
 use rayon::prelude::*;
@@ -12,9 +13,10 @@ use std::collections::VecDeque;
 use super::buffers::{Growing, INPUT, Results, UNIFORM};
 use super::device::Device;
 use super::error::DeviceError;
+use super::resident::Resident;
 use super::shader::{CLASS, FOLDS, Kernel, OUTCOME, PARAMS, STARS, TOO_LARGE};
-use super::window::{Window, bytes_of, cut};
-use crate::metric::{Class, EvaluateError, Evaluator, Fixed, Task, WeighInput, Weight, weigh_some};
+use super::window::{Window, cut};
+use crate::metric::{Class, EvaluateError, Evaluator, Fixed, Task, Weight, weigh_some};
 
 /// Edges of a run.
 const RUN: usize = 1 << 17;
@@ -28,8 +30,8 @@ const EDGE_BYTES: u64 = 8 + 8 + 8;
 pub struct GpuWeights {
     device: Device,
     kernel: Kernel,
-    /// Positions, starts of elements, corners, starts of stars, stars.
-    level: [Growing; 5],
+    apply: Kernel,
+    level: Resident,
     slots: Vec<Slot>,
 }
 
@@ -59,8 +61,9 @@ impl GpuWeights {
     /// # Errors
     /// [`DeviceError`] when the shader is refused or memory runs out.
     pub fn new(device: Device) -> Result<Self, DeviceError> {
-        let kernel = Kernel::new(&device, "edge_weight", 6)?;
-        let level = std::array::from_fn(|_| Growing::new(&device, INPUT));
+        let kernel = Kernel::new(&device, "edge_weight", 3)?;
+        let apply = Kernel::new(&device, "apply", 2)?;
+        let level = Resident::new(&device);
         let slots = (0..SLOTS)
             .map(|_| Slot {
                 params: Growing::new(&device, UNIFORM),
@@ -69,7 +72,7 @@ impl GpuWeights {
             })
             .collect();
         device.check()?;
-        Ok(GpuWeights { device, kernel, level, slots })
+        Ok(GpuWeights { device, kernel, apply, level, slots })
     }
 
     /// Edges of a run, and bytes of a level or window: what the budget and the limits allow. An upload passes through
@@ -80,21 +83,18 @@ impl GpuWeights {
         (run as usize, (budget.saturating_sub(run * EDGE_BYTES * SLOTS as u64) / 2).max(1 << 14))
     }
 
-    fn fits(&self, level: &WeighInput, most: u64) -> bool {
-        let (largest, all) = bytes_of(level);
-        all <= most && largest <= self.device.info.binding_bytes.min(self.device.info.buffer_bytes)
-    }
-
     fn run(&mut self, task: &Task, out: &mut [Fixed]) -> Result<(u64, Vec<u32>), DeviceError> {
         let (run, most) = self.plan();
-        let whole = self.fits(&task.level, most);
+        let slots = self.level.follow(&self.device, &self.apply, task, most)?;
+        let slots = slots.as_deref();
+        let whole = slots.is_some();
         // A window's largest array is at most what it takes in all.
         let most = most.min(self.device.info.binding_bytes);
         let parts = task.parts(run, out);
         std::thread::scope(|scope| {
             let (to_device, runs) = bounded::<Run>(SLOTS);
             let (to_finish, done) = bounded::<(Run, Vec<[u32; 2]>)>(SLOTS);
-            let on_device = scope.spawn(|| self.dispatch_all(task, whole, runs, to_finish));
+            let on_device = scope.spawn(|| self.dispatch_all(task, runs, to_finish));
             let finish = scope.spawn(|| finish_all(task, done));
             let first_of = |vertices: &std::ops::Range<u32>| task.edges.from(vertices.start).start;
             let left: Vec<u32> = parts
@@ -102,7 +102,7 @@ impl GpuWeights {
                 .flat_map_iter(|(vertices, out)| {
                     let first = first_of(&vertices);
                     let mut left = Vec::new();
-                    let run = list(task, vertices, first, out, &mut left);
+                    let run = list(task, slots, vertices, first, out, &mut left);
                     let window = (!whole).then_some(most);
                     // Who no longer listens has an error to tell.
                     let _ = send(task, run, window, &to_device);
@@ -128,22 +128,10 @@ impl GpuWeights {
     fn dispatch_all<'o>(
         &mut self,
         task: &Task,
-        whole: bool,
         runs: Receiver<Run<'o>>,
         done: Sender<(Run<'o>, Vec<[u32; 2]>)>,
     ) -> Result<(), DeviceError> {
-        let GpuWeights { device, kernel, level, slots } = self;
-        if whole {
-            let mut span = task.trace.span("device: upload", "upload level");
-            let WeighInput { faces, star, positions, .. } = task.level;
-            span.items(bytes_of(&task.level).1);
-            level[0].put(device, bytemuck::cast_slice(positions));
-            level[1].put(device, &faces.start);
-            level[2].put(device, &faces.corners);
-            level[3].put(device, &star.start);
-            level[4].put(device, &star.faces);
-            device.check()?;
-        }
+        let GpuWeights { device, kernel, level, slots, .. } = self;
         let mut on_their_way: VecDeque<(usize, Run)> = VecDeque::new();
         let mut free: Vec<usize> = (0..slots.len()).collect();
         let come_back =
@@ -163,24 +151,16 @@ impl GpuWeights {
             let mut span = task.trace.span("device: upload", "upload edges");
             span.items(run.places.len() as u64);
             let at = &mut slots[slot];
-            let mut params =
-                [run.places.len() as u32, task.level.positions.len() as u32, task.level.faces.len() as u32, 0];
             if let Some(window) = &run.window {
-                params[1] = window.star_start.len() as u32 - 1;
-                params[2] = window.face_start.len() as u32 - 1;
-                level[0].put(device, bytemuck::cast_slice(&window.positions));
-                level[1].put(device, &window.face_start);
-                level[2].put(device, &window.corners);
-                level[3].put(device, &window.star_start);
-                level[4].put(device, &window.star_faces);
+                level.put_window(device, &window.stars);
             }
-            let params: [u32; PARAMS] = params;
+            let params: [u32; PARAMS] = [run.places.len() as u32, 0, 0, 0];
             at.params.put(device, &params);
             let ends = run.window.as_ref().map_or(&run.ends, |w| &w.edges);
             at.edges.put(device, bytemuck::cast_slice(ends));
             let mut inputs = vec![at.params.binding(0)];
-            inputs.extend((1..).zip(&*level).map(|(i, b)| b.binding(i)));
-            inputs.push(at.edges.binding(6));
+            inputs.extend(level.bindings(1));
+            inputs.push(at.edges.binding(3));
             at.results.dispatch(device, kernel, &inputs, run.places.len(), OUTCOME)?;
             drop(span);
             on_their_way.push_back((slot, run));
@@ -211,9 +191,10 @@ impl Evaluator for GpuWeights {
 }
 
 /// Write what is known of the edges whose smaller ends are `vertices`, list what has to be weighed; `left` gets the numbers of edges at
-/// stars that no kernel takes.
+/// stars that no kernel takes. With `slots` edges are listed by those.
 fn list<'o>(
     task: &Task,
+    slots: Option<&[u32]>,
     vertices: std::ops::Range<u32>,
     first: usize,
     out: &'o mut [Fixed],
@@ -230,7 +211,7 @@ fn list<'o>(
                 None if star(a) + star(b) > STARS => left.push((first + place) as u32),
                 None => {
                     places.push(place as u32);
-                    ends.push([a, b]);
+                    ends.push(slots.map_or([a, b], |s| [s[a as usize], s[b as usize]]));
                 }
             }
             place += 1;

@@ -13,34 +13,34 @@ const FEW: usize = 64;
 
 /// An element around the apex of a side.
 #[derive(Clone, Copy, Debug)]
-struct Element {
+pub(crate) struct Element {
     /// Its fan owns `fans[from .. to]` of the side.
-    from: u32,
-    to: u32,
+    pub(crate) from: u32,
+    pub(crate) to: u32,
     /// Places of the corners after and before the apex.
-    next: u16,
-    previous: u16,
+    pub(crate) next: u16,
+    pub(crate) previous: u16,
 }
 
 /// The star of one vertex, with its vertices numbered locally.
 #[derive(Clone, Debug, Default)]
-struct Side {
+pub(crate) struct Side {
     /// Every other vertex of the star, once.
-    vertices: Vec<u32>,
-    positions: Vec<[f32; 3]>,
+    pub(crate) vertices: Vec<u32>,
+    pub(crate) positions: Vec<[f32; 3]>,
     /// How many faces have the edge from the apex to the vertex.
-    faces: Vec<u32>,
+    pub(crate) faces: Vec<u32>,
     /// How many dangling edges are that edge.
-    strings: Vec<u32>,
-    elements: Vec<Element>,
+    pub(crate) strings: Vec<u32>,
+    pub(crate) elements: Vec<Element>,
     /// Fan triangles: places of the two other corners, in the orientation of the element.
-    fans: Vec<[u16; 2]>,
+    pub(crate) fans: Vec<[u16; 2]>,
     /// Vertices that some polygon holds in corners not next to the apex (a vertex may be near by another element).
-    far: Vec<u16>,
-    polygons: bool,
+    pub(crate) far: Vec<u16>,
+    pub(crate) polygons: bool,
     /// Some face edge at the apex has exactly one face.
-    border: bool,
-    too_large: bool,
+    pub(crate) border: bool,
+    pub(crate) too_large: bool,
     /// Places plus one by hash of the vertex, open addressing; empty where the star is small.
     table: Vec<u16>,
 }
@@ -48,7 +48,7 @@ struct Side {
 impl Side {
     /// Read the star of `apex`.
     #[inline(always)]
-    fn read(&mut self, faces: &Faces, star: &Star, positions: &[[f32; 3]], apex: u32) {
+    pub(crate) fn read(&mut self, faces: &Faces, star: &Star, positions: &[[f32; 3]], apex: u32) {
         self.vertices.clear();
         self.positions.clear();
         self.faces.clear();

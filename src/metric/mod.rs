@@ -21,6 +21,8 @@ pub use edges::{EdgeList, neighbours};
 pub use evaluator::{Cpu, Engine, EvaluateError, Evaluator, Task, weigh_some};
 pub use fixed::{Fixed, Scale};
 pub use gather::Gatherer;
+#[cfg(feature = "gpu")]
+pub(crate) use gather::Side;
 pub use seam::{SeamInput, SeamPatch, SeamReader, add_seams, seam_displacement};
 pub use weigher::{Carried, WeighInput, Weigher, dirty_vertices};
 pub use weight::{
