@@ -122,25 +122,43 @@ fn main() {
         kernels(name, &faces, &positions, &names, smoke, &mut rows);
         stages(name, mesh, &names, &mut rows);
     }
+    println!("processor: {}, {threads} threads", processor());
     let unit = |r: f64| if r >= 1e6 { format!("{:.2} M", r / 1e6) } else { format!("{:.1} k", r / 1e3) };
     println!(
-        "{:<14} {:<26} {:<34} {:>12} {:>12} {:>14}",
-        "mesh", "kernel or stage", "on", "items", "a second", "a cpu second"
+        "{:<14} {:<26} {:<34} {:>12} {:>12} {:>14} {:>16}",
+        "mesh", "kernel or stage", "on", "items", "a second", "a cpu second", "of the processor"
     );
     for r in &rows {
         println!(
-            "{:<14} {:<26} {:<34} {:>12} {:>12} {:>14}",
+            "{:<14} {:<26} {:<34} {:>12} {:>12} {:>14} {:>16}",
             r.mesh,
             r.what,
             r.device,
             r.items,
             unit(r.rate()),
-            r.per_cpu().map_or("".to_string(), unit)
+            r.per_cpu().map_or("".to_string(), unit),
+            beside(r, &rows).map_or(String::new(), |x| format!("{x:.2} x"))
         );
     }
     if let Err(error) = write_report(&rows, threads, &names) {
         println!("no report written: {error}");
     }
+}
+
+/// What the processor calls itself.
+fn processor() -> String {
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = text.lines().find_map(|l| l.strip_prefix("model name")?.split_once(": "));
+    name.map_or(std::env::consts::ARCH, |(_, name)| name).to_string()
+}
+
+/// How a device does beside all threads of the processor, in the same run, by the wall clock.
+fn beside(row: &Row, rows: &[Row]) -> Option<f64> {
+    if row.device.starts_with("processor") {
+        return None;
+    }
+    let same = |r: &&Row| r.mesh == row.mesh && r.what == row.what && r.device.starts_with("processor");
+    rows.iter().filter(same).map(Row::rate).reduce(f64::max).map(|r| row.rate() / r)
 }
 
 fn open(name: &str) -> Option<Device> {
@@ -287,8 +305,13 @@ fn write_report(rows: &[Row], threads: usize, devices: &[String]) -> std::io::Re
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or("target".into(), std::path::PathBuf::from);
     let folder = target.join("bench-report");
     std::fs::create_dir_all(&folder)?;
-    let list: Vec<Value> = rows.iter().map(Row::json).collect();
-    let all = json!({ "threads": threads, "devices": devices, "rows": list });
+    let with_ratio = |r: &Row| {
+        let mut row = r.json();
+        row["of_the_processor"] = json!(beside(r, rows));
+        row
+    };
+    let list: Vec<Value> = rows.iter().map(with_ratio).collect();
+    let all = json!({ "processor": processor(), "threads": threads, "devices": devices, "rows": list });
     std::fs::write(folder.join("weigh.json"), format!("{all:#}\n"))?;
     let mut page = String::from(
         "<!doctype html><meta charset=utf-8><title>lodestream: kernels and stages</title>\
@@ -296,7 +319,8 @@ fn write_report(rows: &[Row], threads: usize, devices: &[String]) -> std::io::Re
          td.n{text-align:right}svg{display:block}</style><h1>Kernels and stages</h1>",
     );
     let text = |s: &str| s.replace('&', "&amp;").replace('<', "&lt;");
-    page += &format!("<p>Processor with {threads} threads; devices: {}.", text(&devices.join(", ")));
+    page +=
+        &format!("<p>Processor: {}, {threads} threads; devices: {}.", text(&processor()), text(&devices.join(", ")));
     if !devices.iter().any(|d| !d.contains("llvmpipe")) {
         page += " No real GPU was at hand.";
     }
@@ -326,18 +350,19 @@ fn write_report(rows: &[Row], threads: usize, devices: &[String]) -> std::io::Re
         }
         page += "</svg>";
     }
-    page +=
-        "<h2>All</h2><table><tr><th>mesh<th>what<th>on<th>items<th>seconds<th>a second<th>a second of processor time";
+    page += "<h2>All</h2><table><tr><th>mesh<th>what<th>on<th>items<th>seconds<th>a second<th>a second of processor time<th>of the \
+         processor";
     for r in rows {
         page += &format!(
-            "<tr><td>{}<td>{}<td>{}<td class=n>{}<td class=n>{:.3}<td class=n>{:.0}<td class=n>{}",
+            "<tr><td>{}<td>{}<td>{}<td class=n>{}<td class=n>{:.3}<td class=n>{:.0}<td class=n>{}<td class=n>{}",
             text(&r.mesh),
             text(r.what),
             text(&r.device),
             r.items,
             r.seconds,
             r.rate(),
-            r.per_cpu().map_or(String::new(), |c| format!("{c:.0}"))
+            r.per_cpu().map_or(String::new(), |c| format!("{c:.0}")),
+            beside(r, rows).map_or(String::new(), |x| format!("{x:.2} ×"))
         );
     }
     page += "</table>\n";

@@ -202,3 +202,55 @@ fn the_program_goes_on_without_its_device() {
     let text = lodestream_in(scratch.folder(), "devices", &[]).ok().stdout;
     assert!(text.contains("gpu:llvmpipe") && text.contains("software by vulkan"), "{text}");
 }
+
+#[test]
+fn jobs_share_a_device_and_go_on_without_it() {
+    if software("jobs_share_a_device_and_go_on_without_it").is_none() {
+        return;
+    }
+    let scratch = Scratch::new("gpu-ingest");
+    std::fs::create_dir(scratch.path("in")).unwrap();
+    let names = ["a", "b", "c", "d", "e"];
+    for (i, name) in names.iter().enumerate() {
+        let mesh = generate::ringed_asteroid(8, 30 + i as u32, i as u64);
+        write::write_path(&scratch.path(&format!("in/{name}.ply")), &mesh, None, &WriteOptions::default()).unwrap();
+    }
+    let ingest = |out: &str, rest: &str, environment: &[(&str, String)]| {
+        let words = format!("ingest in -o {out} --jobs 2 --threads 2 --report {out}.json --log-format json {rest}");
+        let run = lodestream_in(scratch.folder(), &words, environment).ok();
+        let report: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(scratch.path(&format!("{out}.json"))).unwrap()).unwrap();
+        let files: Vec<serde_json::Value> = report["files"].as_array().unwrap().clone();
+        assert_eq!(files.len(), names.len());
+        let warnings = run.stderr.lines().filter(|l| l.contains("\"WARN\"")).count();
+        (files, warnings)
+    };
+    let same = |out: &str| {
+        for name in names {
+            let read = |folder: &str| std::fs::read(scratch.path(&format!("{folder}/{name}.lods"))).unwrap();
+            assert!(read(out) == read("cpu"), "{out}/{name}");
+        }
+    };
+    let on = |files: &[serde_json::Value], device: &str| {
+        files.iter().filter(|f| f["device"].as_str().is_some_and(|d| d.starts_with(device))).count()
+    };
+    let (files, warnings) = ingest("cpu", "--device cpu", &[]);
+    assert_eq!((on(&files, "cpu"), warnings), (5, 0));
+    // Small files are left to the processor.
+    let (files, warnings) = ingest("auto", "", &[]);
+    assert_eq!((on(&files, "cpu"), warnings), (5, 0));
+    let (files, warnings) = ingest("gpu", "--device gpu:llvmpipe --gpu-memory 64MB", &[]);
+    assert_eq!((on(&files, "llvmpipe"), warnings), (5, 0));
+    same("gpu");
+    let (files, warnings) =
+        ingest("lost", "--device gpu:llvmpipe --verify", &[("LODESTREAM_LOSE_DEVICE", "2".to_string())]);
+    assert_eq!((on(&files, "cpu"), warnings), (5, 5));
+    same("lost");
+    let none = [
+        ("VK_ICD_FILENAMES", "/there/is/no/driver.json".to_string()),
+        ("VK_DRIVER_FILES", "/there/is/no/driver.json".to_string()),
+    ];
+    let (files, warnings) = ingest("none", "--device gpu", &none);
+    assert_eq!((on(&files, "cpu"), warnings), (5, 1));
+    same("none");
+}

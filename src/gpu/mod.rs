@@ -10,6 +10,7 @@
 //! - `stars`, `resident`, `window`: a level as the kernels read it; how it stays on the device from batch to batch; what is
 //!   done where it does not fit.
 //! - [`GpuWeights`]: the evaluator of edge weights, twin of [`Cpu`](crate::metric::Cpu).
+//! - [`SharedGpu`]: the same for several jobs at a time.
 //! - [`distances`]: of points to triangles, and the twin; [`seam_displacements`]: of seams by collapses.
 
 mod buffers;
@@ -19,6 +20,7 @@ mod hausdorff;
 mod resident;
 mod seams;
 mod shader;
+mod shared;
 mod stars;
 mod weights;
 mod window;
@@ -28,6 +30,7 @@ pub use device::{Device, DeviceInfo, DeviceKind, DeviceOptions, devices, select_
 pub use error::DeviceError;
 pub use hausdorff::{Distances, distances};
 pub use seams::seam_displacements;
+pub use shared::SharedGpu;
 pub use weights::GpuWeights;
 
 #[cfg(test)]

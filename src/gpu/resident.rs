@@ -135,6 +135,8 @@ impl Resident {
                     break;
                 };
                 self.vertices.put_at(device, from as u64 * 16, bytemuck::cast_slice(&stars.records));
+                // What was written waits in the program's memory for a submission.
+                device.queue.submit([]);
                 device.check()?;
             }
             if done {

@@ -9,6 +9,7 @@
 use crossbeam_channel::{Receiver, Sender, bounded};
 use rayon::prelude::*;
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 use super::buffers::{Growing, INPUT, Results, UNIFORM};
 use super::device::Device;
@@ -29,10 +30,23 @@ const EDGE_BYTES: u64 = 8 + 8 + 8;
 #[derive(Debug)]
 pub struct GpuWeights {
     device: Device,
-    kernel: Kernel,
-    apply: Kernel,
+    kernels: Arc<Kernels>,
     level: Resident,
     slots: Vec<Slot>,
+}
+
+/// What is compiled once for a device.
+#[derive(Debug)]
+pub struct Kernels {
+    weigh: Kernel,
+    apply: Kernel,
+}
+
+impl Kernels {
+    /// Compile.
+    pub fn new(device: &Device) -> Result<Self, DeviceError> {
+        Ok(Kernels { weigh: Kernel::new(device, "edge_weight", 3)?, apply: Kernel::new(device, "apply", 2)? })
+    }
 }
 
 /// A run on its way.
@@ -61,8 +75,12 @@ impl GpuWeights {
     /// # Errors
     /// [`DeviceError`] when the shader is refused or memory runs out.
     pub fn new(device: Device) -> Result<Self, DeviceError> {
-        let kernel = Kernel::new(&device, "edge_weight", 3)?;
-        let apply = Kernel::new(&device, "apply", 2)?;
+        let kernels = Arc::new(Kernels::new(&device)?);
+        GpuWeights::on(device, kernels)
+    }
+
+    /// With kernels that are compiled already.
+    pub(super) fn on(device: Device, kernels: Arc<Kernels>) -> Result<Self, DeviceError> {
         let level = Resident::new(&device);
         let slots = (0..SLOTS)
             .map(|_| Slot {
@@ -72,7 +90,7 @@ impl GpuWeights {
             })
             .collect();
         device.check()?;
-        Ok(GpuWeights { device, kernel, apply, level, slots })
+        Ok(GpuWeights { device, kernels, level, slots })
     }
 
     /// Edges of a run, and bytes of a level or window: what the budget and the limits allow. An upload passes through
@@ -83,9 +101,16 @@ impl GpuWeights {
         (run as usize, (budget.saturating_sub(run * EDGE_BYTES * SLOTS as u64) / 2).max(1 << 14))
     }
 
+    /// Weigh what is asked for; what the kernel does not take is weighed by the processor.
+    pub(super) fn weigh_all(&mut self, task: &Task, out: &mut [Fixed]) -> Result<u64, DeviceError> {
+        let (weighed, left) = self.run(task, out)?;
+        weigh_some(task, &left, out);
+        Ok(weighed)
+    }
+
     fn run(&mut self, task: &Task, out: &mut [Fixed]) -> Result<(u64, Vec<u32>), DeviceError> {
         let (run, most) = self.plan();
-        let slots = self.level.follow(&self.device, &self.apply, task, most)?;
+        let slots = self.level.follow(&self.device, &self.kernels.apply, task, most)?;
         let slots = slots.as_deref();
         let whole = slots.is_some();
         // A window's largest array is at most what it takes in all.
@@ -131,7 +156,7 @@ impl GpuWeights {
         runs: Receiver<Run<'o>>,
         done: Sender<(Run<'o>, Vec<[u32; 2]>)>,
     ) -> Result<(), DeviceError> {
-        let GpuWeights { device, kernel, level, slots, .. } = self;
+        let GpuWeights { device, kernels, level, slots } = self;
         let mut on_their_way: VecDeque<(usize, Run)> = VecDeque::new();
         let mut free: Vec<usize> = (0..slots.len()).collect();
         let come_back =
@@ -161,7 +186,7 @@ impl GpuWeights {
             let mut inputs = vec![at.params.binding(0)];
             inputs.extend(level.bindings(1));
             inputs.push(at.edges.binding(3));
-            at.results.dispatch(device, kernel, &inputs, run.places.len(), OUTCOME)?;
+            at.results.dispatch(device, &kernels.weigh, &inputs, run.places.len(), OUTCOME)?;
             drop(span);
             on_their_way.push_back((slot, run));
         }
@@ -184,9 +209,7 @@ impl Evaluator for GpuWeights {
     }
 
     fn weigh(&mut self, task: &Task, out: &mut [Fixed]) -> Result<u64, EvaluateError> {
-        let (weighed, left) = self.run(task, out).map_err(|e| EvaluateError(Box::new(e)))?;
-        weigh_some(task, &left, out);
-        Ok(weighed)
+        self.weigh_all(task, out).map_err(|e| EvaluateError(Box::new(e)))
     }
 }
 

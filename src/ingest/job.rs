@@ -7,11 +7,12 @@ use super::location::Object;
 use super::output::{self, Staging};
 use super::settings::Settings;
 use super::stamp::{Stamp, hex};
-use super::{Event, Observer, predict};
+use super::{Engines, Event, Observer, predict};
 use crate::compare;
 use crate::container::{Front, Parsed};
 use crate::decode::{DecodeOptions, Decoder, Step};
 use crate::encode::{self, EncodeError};
+use crate::metric::Engine;
 use crate::read::{self, Format, ReadError, ReadErrorKind, ReadMesh, ReadOptions, Survey};
 use rayon::ThreadPool;
 use serde::Serialize;
@@ -81,6 +82,9 @@ pub struct Record {
     pub seconds: Seconds,
     /// Cores that worked on it.
     pub threads: u64,
+    /// Who weighed its edges: `cpu` or the name of a device. Empty where nothing was encoded.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub device: String,
     /// Bytes of memory that it was expected to take at its peak.
     pub predicted_bytes: u64,
     /// SHA-256 of the source.
@@ -107,6 +111,7 @@ impl Record {
             bytes_out: 0,
             seconds: Seconds::default(),
             threads: 0,
+            device: String::new(),
             predicted_bytes: charge,
             sha256: None,
             warnings: Vec::new(),
@@ -132,6 +137,7 @@ pub(super) struct Surroundings<'a> {
     pub memory: u64,
     /// The least number of cores for a file.
     pub least: usize,
+    pub engines: Option<&'a Engines>,
     pub hook: Option<&'a (dyn Fn(&str) + Send + Sync)>,
 }
 
@@ -307,7 +313,9 @@ fn compute(
     job.record.seconds.read = since(clock);
     let clock = Instant::now();
     let id = job.id;
-    let encoded = encode::encode(&read.mesh, &job.settings.encode, &|progress| {
+    let threads = rayon::current_num_threads();
+    let engine = around.engines.map_or_else(Engine::default, |make| make(job.record.vertices, threads));
+    let encoded = encode::encode_on(&read.mesh, &job.settings.encode, engine, &|progress| {
         around.observer.event(Event::Progress { id, progress });
     });
     let encoded = encoded.map_err(|e| match e {
@@ -317,6 +325,10 @@ fn compute(
     let inside = |e: &dyn std::fmt::Display| Failure::new(FailureKind::Bug, format!("{name}: {e}; please report it"));
     let stamped = stamp.attach(&encoded.bytes).map_err(|e| inside(&e))?;
     job.record.levels = encoded.report.levels as u64;
+    if let Some(why) = &encoded.report.fallback {
+        job.record.warnings.push(format!("{why}; the processor weighed the edges instead"));
+    }
+    job.record.device.clone_from(&encoded.report.weighed_by);
     job.record.seconds.encode = since(clock);
     if around.verify {
         let clock = Instant::now();

@@ -39,6 +39,7 @@ pub use stamp::Stamp;
 pub use store::Retries;
 
 use crate::encode;
+use crate::metric::Engine;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -56,6 +57,9 @@ pub enum OnError {
 
 /// Something called with the name of each file before it is read; tests use it to be in the middle.
 pub type Hook = Arc<dyn Fn(&str) + Send + Sync>;
+
+/// Makes what weighs the edges of a file, given its vertices and its cores; called from many threads.
+pub type Engines = Arc<dyn Fn(u64, usize) -> Engine + Send + Sync>;
 
 /// What to ingest, and how.
 #[derive(Clone)]
@@ -86,6 +90,8 @@ pub struct Plan {
     pub report: Option<PathBuf>,
     /// How long a failing store is asked again.
     pub retries: Retries,
+    /// Who weighs edges, where it is not the processor.
+    pub engines: Option<Engines>,
     /// See [`Hook`].
     pub hook: Option<Hook>,
 }
@@ -108,6 +114,7 @@ impl Plan {
             on_error: OnError::Continue,
             report: None,
             retries: Retries::default(),
+            engines: None,
             hook: None,
         }
     }

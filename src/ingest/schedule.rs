@@ -129,6 +129,7 @@ pub fn run(plan: &Plan, observer: &dyn Observer) -> Result<Summary, IngestError>
         verify: plan.verify,
         memory: allowed,
         least: (threads / jobs).max(1),
+        engines: plan.engines.as_ref(),
         hook: plan.hook.as_deref(),
     };
     let (send, receive) = sync_channel::<Item>(64);

@@ -11,6 +11,7 @@ use lodestream::encode::{self, EncodeOptions, EncodeReport, Encoded, Progress, S
 use lodestream::lattice::Quantization;
 use lodestream::quantizer::Precision;
 use lodestream::read::{DropSet, ReadMesh, ReadOptions};
+use lodestream::trace::Trace;
 use serde_json::{Value, json};
 use std::io::{BufWriter, Write};
 use std::path::PathBuf;
@@ -46,6 +47,9 @@ pub struct Args {
     map: Option<PathBuf>,
     #[command(flatten)]
     device: DeviceArgs,
+    /// Write what ran when, as a Chrome trace
+    #[arg(long, value_name = "FILE")]
+    trace: Option<PathBuf>,
     #[command(flatten)]
     machine: Machine,
     /// Print one JSON object
@@ -205,14 +209,16 @@ pub fn run(args: &Args) -> Result<Outcome> {
         let warnings: Vec<String> = read.warnings.iter().map(ToString::to_string).collect();
         warnings.iter().for_each(|w| shared::warn(format!("{name}: {w}")));
         let progress = |p: Progress| bars.show(stage_name(p.stage), p.done, p.total);
-        let engine = args.device.engine(read.mesh.vertex_count(), threads);
-        let trace = engine.trace.clone();
+        let trace = if args.trace.is_some() { Trace::on() } else { Trace::off() };
+        let engine = args.device.engine(read.mesh.vertex_count(), threads, &trace);
         let encoded = encode::encode_on(&read.mesh, &options, engine, &progress).with_context(|| name.clone())?;
         bars.finish();
         if let Some(why) = &encoded.report.fallback {
             device::fell_back(why);
         }
-        args.device.write_trace(&trace)?;
+        if let Some(path) = &args.trace {
+            std::fs::write(path, trace.to_json()).with_context(|| path.display().to_string())?;
+        }
         let write_start = Instant::now();
         output.write(|out| out.write_all(&encoded.bytes))?;
         if let Some(map) = &map {

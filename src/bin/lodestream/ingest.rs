@@ -1,9 +1,10 @@
 //! `lodestream ingest`: folders and buckets full of meshes into `.lods` files.
 
 use crate::Outcome;
+use crate::device::DeviceArgs;
 use crate::encode::{LatticeArgs, PrecisionArgs, WeldArgs, stage_name};
 use crate::ingest_progress::{LogFormat, Watch};
-use crate::shared::{self, Device, parse_size};
+use crate::shared::{self, parse_size};
 use anyhow::{Result, anyhow};
 use lodestream::ingest::{self, DROP_NAMES, IngestError, OnError, Plan, Retries, Settings, Shard, Summary};
 use std::path::PathBuf;
@@ -53,9 +54,8 @@ pub struct Args {
     /// The most memory that the program may take, as in 20GiB [default: four fifths of what is free]
     #[arg(long, value_name = "SIZE", value_parser = parse_size)]
     memory: Option<u64>,
-    /// Where the work is done
-    #[arg(long, value_enum, default_value = "auto")]
-    device: Device,
+    #[command(flatten)]
+    device: DeviceArgs,
     /// Skip outputs that are there already, made from the same bytes with the same settings
     #[arg(long)]
     resume: bool,
@@ -132,7 +132,8 @@ pub fn run(args: &Args) -> Result<Outcome> {
         within: Duration::from_secs(args.retry_within),
         timeout: Duration::from_secs(args.request_timeout),
     };
-    let watch = Watch::start(args.log_format, args.device.chosen(), stage_name);
+    let watch = Watch::start(args.log_format, &args.device.asked(), stage_name);
+    plan.engines = args.device.engines(plan.jobs);
     let result = ingest::run(&plan, &watch);
     watch.finish();
     match result {

@@ -1,7 +1,6 @@
 //! What several commands need: how options are written, memory and time, JSON, warnings.
 
 use anyhow::{Context, Result, bail};
-use clap::ValueEnum;
 use lodestream::read::{self, Format, ReadMesh, ReadOptions};
 use std::fmt::Write as _;
 use std::io::{self, IsTerminal, Write};
@@ -55,24 +54,6 @@ impl Machine {
             .build()
             .context("the worker threads cannot be started")?;
         pool.install(|| work(pool.current_num_threads()))
-    }
-}
-
-/// Where the work is done.
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Device {
-    /// The best there is; at present the processor
-    Auto,
-    /// The processor: the same bytes on every machine
-    Cpu,
-}
-
-impl Device {
-    /// The device that does the work.
-    pub fn chosen(self) -> &'static str {
-        match self {
-            Device::Auto | Device::Cpu => "cpu",
-        }
     }
 }
 
