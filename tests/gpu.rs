@@ -213,7 +213,7 @@ fn jobs_share_a_device_and_go_on_without_it() {
     let names = ["a", "b", "c", "d", "e"];
     for (i, name) in names.iter().enumerate() {
         let mesh = generate::ringed_asteroid(8, 30 + i as u32, i as u64);
-        write::write_path(&scratch.path(&format!("in/{name}.ply")), &mesh, None, &WriteOptions::default()).unwrap();
+        write::write_path(scratch.path(&format!("in/{name}.ply")), &mesh, None, &WriteOptions::default()).unwrap();
     }
     let ingest = |out: &str, rest: &str, environment: &[(&str, String)]| {
         let words = format!("ingest in -o {out} --jobs 2 --threads 2 --report {out}.json --log-format json {rest}");
