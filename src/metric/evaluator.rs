@@ -14,7 +14,7 @@ use super::edges::EdgeList;
 use super::fixed::{Fixed, Scale};
 use super::gather::Gatherer;
 use super::weigher::{Carried, WeighInput};
-use super::weight::{Patch, Scratch, edge_weight};
+use super::weight::{Patch, Scratch, edge_weight_by};
 use crate::trace::Trace;
 
 /// Edges (about) that one task of the processor weighs.
@@ -157,10 +157,10 @@ struct Worker {
 
 impl Worker {
     #[inline(always)]
-    fn weigh(&mut self, task: &Task, a: u32, b: u32) -> Fixed {
+    fn weigh<S: pulp::Simd>(&mut self, simd: S, task: &Task, a: u32, b: u32) -> Fixed {
         let WeighInput { faces, star, positions, .. } = task.level;
         self.gatherer.read(faces, star, positions, a, b, &mut self.patch);
-        task.scale.fixed(edge_weight(&self.patch, &mut self.scratch))
+        task.scale.fixed(edge_weight_by(simd, &self.patch, &mut self.scratch))
     }
 }
 
@@ -172,11 +172,11 @@ struct Part<'a> {
     out: &'a mut [Fixed],
 }
 
-impl pulp::NullaryFnOnce for Part<'_> {
+impl pulp::WithSimd for Part<'_> {
     type Output = u64;
 
     #[inline(always)]
-    fn call(self) -> u64 {
+    fn with_simd<S: pulp::Simd>(self, simd: S) -> u64 {
         let Part { worker, task, vertices, out } = self;
         worker.gatherer.forget();
         let mut out = out.iter_mut();
@@ -188,7 +188,7 @@ impl pulp::NullaryFnOnce for Part<'_> {
                     Some(weight) => weight,
                     None => {
                         weighed += 1;
-                        worker.weigh(task, a, b)
+                        worker.weigh(simd, task, a, b)
                     }
                 };
             }
@@ -204,18 +204,18 @@ struct Listed<'a> {
     numbers: &'a [u32],
 }
 
-impl pulp::NullaryFnOnce for Listed<'_> {
+impl pulp::WithSimd for Listed<'_> {
     type Output = Vec<Fixed>;
 
     #[inline(always)]
-    fn call(self) -> Vec<Fixed> {
+    fn with_simd<S: pulp::Simd>(self, simd: S) -> Vec<Fixed> {
         let Listed { worker, task, numbers } = self;
         worker.gatherer.forget();
         numbers
             .iter()
             .map(|&e| {
                 let (a, b) = task.edges.ends(e);
-                worker.weigh(task, a, b)
+                worker.weigh(simd, task, a, b)
             })
             .collect()
     }

@@ -1,17 +1,14 @@
 //! The arithmetic of `edge_weight`: a pure function of a small flat patch.
 //!
-//! Triangles lie in blocks of eight lanes, so that the compiler turns every loop over lanes into vector instructions of
-//! whatever width the machine has; no operation is contracted or reordered, so the result is the same for every width. What skips work
+//! Triangles lie in blocks of eight lanes, which `lanes` computes with vectors of whatever width the machine has; no
+//! operation is contracted or reordered, so the result is the same for every width. What skips work
 //! (a sample whose distance cannot exceed the largest so far) compares upper bounds that are distances themselves.
 
 #![allow(clippy::needless_range_loop)] // lanes are numbered
 
+use super::lanes::{LANES, Lane, Lane3, V, V3, all3, of3, put3, vcross, vdot, vscale, vsub};
 use super::weight::{Class, Patch, RING_MOST, Weight};
-
-/// Lanes of a block.
-const LANES: usize = 8;
-type Lane = [f32; LANES];
-type Lane3 = [Lane; 3];
+use pulp::{Scalar, Simd};
 
 /// Where the lanes without a triangle lie: far from everything, yet its square is finite.
 const FAR: f32 = 1e18;
@@ -115,63 +112,109 @@ fn larger(a: f32, b: f32) -> f32 {
 
 /// Fill in the normals: all that a patch needs which no point is compared with.
 #[inline(always)]
-fn prepare_normals(b: &mut Block) {
-    for l in 0..LANES {
-        put(&mut b.n, l, cross(lane(&b.e0, l), lane(&b.e1, l)));
+fn prepare_normals<S: Simd>(simd: S, b: &mut Block) {
+    for k in 0..V::<S>::PARTS {
+        let n = vcross(of3(simd, &b.e0, k), of3(simd, &b.e1, k));
+        put3(n, &mut b.n, k);
     }
+}
+
+/// What the distance of a point to some triangles needs; see [`Block`].
+#[derive(Clone, Copy)]
+struct Prepared<S: Simd> {
+    e0: V3<S>,
+    e1: V3<S>,
+    n: V3<S>,
+    m0: V3<S>,
+    m1: V3<S>,
+    i0: V<S>,
+    i1: V<S>,
+    i2: V<S>,
+    inn: V<S>,
+}
+
+#[inline(always)]
+fn prepared<S: Simd>(simd: S, e0: V3<S>, e1: V3<S>) -> Prepared<S> {
+    let e2 = vsub(e1, e0);
+    let (d0, d1, d2) = (vdot(e0, e0), vdot(e1, e1), vdot(e2, e2));
+    let n = vcross(e0, e1);
+    let nn = vdot(n, n);
+    // Below an angle of 1e-4 the normal is noise: there the edges alone stand for the triangle.
+    let inn = V::if_less(V::all(simd, 1e-8) * d0 * d1, nn, nn.inverse(), V::all(simd, 0.0));
+    Prepared {
+        e0,
+        e1,
+        n,
+        m0: vscale(vcross(e1, n), inn),
+        m1: vscale(vcross(n, e0), inn),
+        i0: d0.inverse(),
+        i1: d1.inverse(),
+        i2: d2.inverse(),
+        inn,
+    }
+}
+
+/// Squared distances of points to triangles whose first corners they are seen from.
+#[inline(always)]
+fn near<S: Simd>(simd: S, w: V3<S>, t: &Prepared<S>) -> V<S> {
+    let r0 = vsub(w, vscale(t.e0, (vdot(w, t.e0) * t.i0).unit()));
+    let r1 = vsub(w, vscale(t.e1, (vdot(w, t.e1) * t.i1).unit()));
+    let (w2, e2) = (vsub(w, t.e0), vsub(t.e1, t.e0));
+    let r2 = vsub(w2, vscale(e2, (vdot(w2, e2) * t.i2).unit()));
+    let edges = vdot(r0, r0).smaller(vdot(r1, r1)).smaller(vdot(r2, r2));
+    let (s, r) = (vdot(w, t.m0), vdot(w, t.m1));
+    let h = vdot(w, t.n);
+    let plane = h * h * t.inn;
+    // Strict, so that a segment, whose m0 and m1 are zero, is never taken for a plane.
+    let inside = s.smaller(r).smaller(V::all(simd, 1.0) - (s + r));
+    V::if_less(V::all(simd, 0.0), inside, plane, edges)
 }
 
 /// Fill in all that follows from `e0` and `e1`.
 #[inline(always)]
-fn prepare(b: &mut Block) {
-    for l in 0..LANES {
-        let (e0, e1) = (lane(&b.e0, l), lane(&b.e1, l));
-        let e2 = sub(e1, e0);
-        let (d0, d1, d2) = (dot(e0, e0), dot(e1, e1), dot(e2, e2));
-        let n = cross(e0, e1);
-        let nn = dot(n, n);
-        // Below an angle of 1e-4 the normal is noise: there the edges alone stand for the triangle.
-        let inn = if nn > 1e-8 * d0 * d1 { inverse(nn) } else { 0.0 };
-        put(&mut b.n, l, n);
-        put(&mut b.m0, l, scale(cross(e1, n), inn));
-        put(&mut b.m1, l, scale(cross(n, e0), inn));
-        b.i0[l] = inverse(d0);
-        b.i1[l] = inverse(d1);
-        b.i2[l] = inverse(d2);
-        b.inn[l] = inn;
+fn prepare<S: Simd>(simd: S, b: &mut Block) {
+    for k in 0..V::<S>::PARTS {
+        let t = prepared(simd, of3(simd, &b.e0, k), of3(simd, &b.e1, k));
+        put3(t.n, &mut b.n, k);
+        put3(t.m0, &mut b.m0, k);
+        put3(t.m1, &mut b.m1, k);
+        t.i0.put(&mut b.i0, k);
+        t.i1.put(&mut b.i1, k);
+        t.i2.put(&mut b.i2, k);
+        t.inn.put(&mut b.inn, k);
     }
 }
 
 /// The smallest lane.
 #[inline(always)]
 fn least(a: &Lane) -> f32 {
-    let half: [f32; 4] = std::array::from_fn(|l| smaller(a[l], a[l + 4]));
-    smaller(smaller(half[0], half[2]), smaller(half[1], half[3]))
+    let low = smaller(smaller(a[0], a[4]), smaller(a[2], a[6]));
+    smaller(low, smaller(smaller(a[1], a[5]), smaller(a[3], a[7])))
 }
 
 /// Squared distance from `x` to the nearest triangle, or anything from there to `enough` where it is not larger than that.
 #[inline(always)]
-fn distance2(x: [f32; 3], blocks: &[Block], enough: f32) -> f32 {
+fn distance2<S: Simd>(simd: S, x: [f32; 3], blocks: &[Block], enough: f32) -> f32 {
     let mut best = [f32::INFINITY; LANES];
+    let x = all3(simd, x);
     for (i, b) in blocks.iter().enumerate() {
         if i > 0 && least(&best) <= enough {
             break;
         }
-        for l in 0..LANES {
-            let w = sub(x, lane(&b.c, l));
-            let (e0, e1) = (lane(&b.e0, l), lane(&b.e1, l));
-            let r0 = sub(w, scale(e0, unit(dot(w, e0) * b.i0[l])));
-            let r1 = sub(w, scale(e1, unit(dot(w, e1) * b.i1[l])));
-            let (w2, e2) = (sub(w, e0), sub(e1, e0));
-            let r2 = sub(w2, scale(e2, unit(dot(w2, e2) * b.i2[l])));
-            let edges = smaller(smaller(dot(r0, r0), dot(r1, r1)), dot(r2, r2));
-            let (s, t) = (dot(w, lane(&b.m0, l)), dot(w, lane(&b.m1, l)));
-            let h = dot(w, lane(&b.n, l));
-            let plane = h * h * b.inn[l];
-            // Strict, so that a segment, whose m0 and m1 are zero, is never taken for a plane.
-            let inside = smaller(smaller(s, t), 1.0 - (s + t));
-            let d = if inside > 0.0 { plane } else { edges };
-            best[l] = smaller(best[l], d);
+        for k in 0..V::<S>::PARTS {
+            let t = Prepared {
+                e0: of3(simd, &b.e0, k),
+                e1: of3(simd, &b.e1, k),
+                n: of3(simd, &b.n, k),
+                m0: of3(simd, &b.m0, k),
+                m1: of3(simd, &b.m1, k),
+                i0: V::of(simd, &b.i0, k),
+                i1: V::of(simd, &b.i1, k),
+                i2: V::of(simd, &b.i2, k),
+                inn: V::of(simd, &b.inn, k),
+            };
+            let d = near(simd, vsub(x, of3(simd, &b.c, k)), &t);
+            V::of(simd, &best, k).smaller(d).put(&mut best, k);
         }
     }
     least(&best)
@@ -187,17 +230,28 @@ fn segment2(x: [f32; 3], c: [f32; 3], d: [f32; 3]) -> f32 {
 
 /// Squared distance from `x` to the triangle `c, p, q`. CPU twin of `triangle2` in `shaders/triangle.wgsl`.
 pub fn triangle_distance2(x: [f32; 3], c: [f32; 3], p: [f32; 3], q: [f32; 3]) -> f32 {
-    let mut block = EMPTY;
-    put(&mut block.c, 0, c);
-    put(&mut block.e0, 0, sub(p, c));
-    put(&mut block.e1, 0, sub(q, c));
-    prepare(&mut block);
-    distance2(x, &[block], 0.0)
+    let one = Scalar;
+    let t = prepared(one, all3(one, sub(p, c)), all3(one, sub(q, c)));
+    near(one, all3(one, sub(x, c)), &t).1
 }
 
 /// The weight of the edge whose patch this is. See the module `weight` for what it measures.
-#[inline(always)] // so that it is compiled for the vectors of its caller
 pub fn edge_weight(patch: &Patch, scratch: &mut Scratch) -> Weight {
+    struct Alone<'a>(&'a Patch, &'a mut Scratch);
+    impl pulp::WithSimd for Alone<'_> {
+        type Output = Weight;
+
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, simd: S) -> Weight {
+            edge_weight_by(simd, self.0, self.1)
+        }
+    }
+    pulp::Arch::new().dispatch(Alone(patch, scratch))
+}
+
+/// The same within a function that is compiled for these vectors.
+#[inline(always)]
+pub fn edge_weight_by<S: Simd>(simd: S, patch: &Patch, scratch: &mut Scratch) -> Weight {
     match patch.class {
         Class::Illegal => Weight::ILLEGAL,
         Class::Dangling => {
@@ -206,7 +260,7 @@ pub fn edge_weight(patch: &Patch, scratch: &mut Scratch) -> Weight {
         }
         Class::Breaking => Weight { class: Class::Breaking, value: area_change(patch).abs().sqrt(), folds: false },
         Class::Ordinary => {
-            let (distance2, folds) = ordinary(patch, scratch);
+            let (distance2, folds) = ordinary(simd, patch, scratch);
             let mut value = distance2.sqrt();
             if folds {
                 value += 2.0 * dot(patch.half, patch.half).sqrt();
@@ -236,7 +290,7 @@ fn area_change(patch: &Patch) -> f32 {
 
 /// Squared distance and whether a face folds, for a patch of [`Class::Ordinary`].
 #[inline(always)]
-fn ordinary(patch: &Patch, scratch: &mut Scratch) -> (f32, bool) {
+fn ordinary<S: Simd>(simd: S, patch: &Patch, scratch: &mut Scratch) -> (f32, bool) {
     let b = patch.half;
     let a = scale(b, -1.0);
     // No point of either patch is farther from the other than the ends move.
@@ -244,22 +298,25 @@ fn ordinary(patch: &Patch, scratch: &mut Scratch) -> (f32, bool) {
     if patch.ring.len() > RING_MOST {
         return (reach, folds_polygons(patch, a, b));
     }
-    lay_out(patch, scratch);
+    lay_out(simd, patch, scratch);
 
-    let mut worst = distance2(a, &scratch.after, 0.0);
-    worst = larger(worst, distance2(b, &scratch.after, worst));
+    let mut worst = distance2(simd, a, &scratch.after, 0.0);
+    worst = larger(worst, distance2(simd, b, &scratch.after, worst));
     if patch.borders {
         worst = larger(worst, borders(patch, a, b));
     }
-    let folds =
-        if patch.polygons { folds_polygons(patch, a, b) } else { folds_triangles(&scratch.before, &scratch.after) };
+    let folds = if patch.polygons {
+        folds_polygons(patch, a, b)
+    } else {
+        folds_triangles(simd, &scratch.before, &scratch.after)
+    };
     if reach <= worst {
         return (worst, folds);
     }
-    match frame(&scratch.before, &scratch.after) {
-        Some(frame) => worst = crossings(patch, scratch, &frame, worst),
+    match frame(simd, &scratch.before, &scratch.after) {
+        Some(frame) => worst = crossings(simd, patch, scratch, &frame, worst),
         // In the middle of a spoke the motion is half as large as at its end.
-        None if reach * 0.25 > worst => worst = middles(patch, scratch, worst),
+        None if reach * 0.25 > worst => worst = middles(simd, patch, scratch, worst),
         None => {}
     }
     (worst, folds)
@@ -267,7 +324,7 @@ fn ordinary(patch: &Patch, scratch: &mut Scratch) -> (f32, bool) {
 
 /// Fill the blocks: surviving triangles in the same lanes of both, vanishing ones after them.
 #[inline(always)]
-fn lay_out(patch: &Patch, scratch: &mut Scratch) {
+fn lay_out<S: Simd>(simd: S, patch: &Patch, scratch: &mut Scratch) {
     let n = patch.triangles.len();
     let total = n + patch.vanishing.len();
     scratch.after.clear();
@@ -299,10 +356,10 @@ fn lay_out(patch: &Patch, scratch: &mut Scratch) {
         put(&mut before.e1, l, if reversed { ab } else { ax });
     }
     for block in &mut scratch.after {
-        prepare(block);
+        prepare(simd, block);
     }
     for block in &mut scratch.before {
-        prepare_normals(block);
+        prepare_normals(simd, block);
     }
 }
 
@@ -326,27 +383,27 @@ const SLIVER: f32 = 1e-4;
 /// Whether a surviving triangle turns over or becomes a sliver. Dangling edges have normal 0 and shape 0 before and
 /// after, and so never do.
 #[inline(always)]
-fn folds_triangles(before: &[Block], after: &[Block]) -> bool {
+fn folds_triangles<S: Simd>(simd: S, before: &[Block], after: &[Block]) -> bool {
+    let (zero, one, limit) = (V::all(simd, 0.0), V::all(simd, 1.0), V::all(simd, SLIVER));
     for (b, a) in before.iter().zip(after) {
-        let mut turns = [0.0f32; LANES];
-        let mut thin = [1.0f32; LANES];
-        for l in 0..LANES {
-            let na = lane(&a.n, l);
-            turns[l] = dot(lane(&b.n, l), na);
-            let i = smaller(smaller(a.i0[l], a.i1[l]), a.i2[l]);
-            thin[l] = dot(na, na) * i * i;
-        }
-        for l in 0..LANES {
-            if turns[l] < 0.0 {
+        for k in 0..V::<S>::PARTS {
+            let na = of3(simd, &a.n, k);
+            if V::any_less(vdot(of3(simd, &b.n, k), na), zero) {
                 return true;
             }
-            if (thin[l] < SLIVER) & (a.i0[l] > 0.0) {
-                let (e0, e1, n) = (lane(&b.e0, l), lane(&b.e1, l), lane(&b.n, l));
-                let e2 = sub(e1, e0);
-                let longest = larger(larger(dot(e0, e0), dot(e1, e1)), dot(e2, e2));
-                if sliver(shape(dot(n, n), longest), thin[l]) {
-                    return true;
-                }
+            let i0 = V::of(simd, &a.i0, k);
+            let i = i0.smaller(V::of(simd, &a.i1, k)).smaller(V::of(simd, &a.i2, k));
+            let thin = vdot(na, na) * i * i;
+            if !V::any_less(V::if_less(zero, i0, thin, one), limit) {
+                continue;
+            }
+            let (e0, e1, n) = (of3(simd, &b.e0, k), of3(simd, &b.e1, k), of3(simd, &b.n, k));
+            let e2 = vsub(e1, e0);
+            let longest = vdot(e0, e0).larger(vdot(e1, e1)).larger(vdot(e2, e2)).inverse();
+            // See `sliver`, where both conditions are the same.
+            let was = V::if_less(thin, limit, vdot(n, n) * longest * longest, zero);
+            if V::any_less(V::if_less(zero, i0, thin, one) * V::all(simd, 16.0), was) {
+                return true;
             }
         }
     }
@@ -418,25 +475,24 @@ fn borders(patch: &Patch, a: [f32; 3], b: [f32; 3]) -> f32 {
 
 /// An orthonormal frame whose third axis is the mean normal, if no triangle of either patch faces against it.
 #[inline(always)]
-fn frame(before: &[Block], after: &[Block]) -> Option<[[f32; 3]; 3]> {
+fn frame<S: Simd>(simd: S, before: &[Block], after: &[Block]) -> Option<[[f32; 3]; 3]> {
     let mut sum = [[0.0f32; LANES]; 3];
     for b in before {
-        for l in 0..LANES {
-            let n = lane(&b.n, l);
-            for k in 0..3 {
-                sum[k][l] += n[k];
-            }
+        for k in 0..V::<S>::PARTS {
+            let (s, n) = (of3(simd, &sum, k), of3(simd, &b.n, k));
+            put3([s[0] + n[0], s[1] + n[1], s[2] + n[2]], &mut sum, k);
         }
     }
     let n = sum.map(|s| ((s[0] + s[4]) + (s[1] + s[5])) + ((s[2] + s[6]) + (s[3] + s[7])));
-    let mut low = [0.0f32; LANES];
+    let mut low = V::all(simd, 0.0);
+    let along = all3(simd, n);
     for b in before.iter().chain(after) {
-        for l in 0..LANES {
-            low[l] = smaller(low[l], dot(n, lane(&b.n, l)));
+        for k in 0..V::<S>::PARTS {
+            low = low.smaller(vdot(along, of3(simd, &b.n, k)));
         }
     }
     let nn = dot(n, n);
-    let against = low.iter().any(|&x| x < 0.0);
+    let against = V::any_less(low, V::all(simd, 0.0));
     if against || nn.is_nan() || nn <= 0.0 {
         return None;
     }
@@ -468,8 +524,8 @@ struct Crossing {
 
 /// Raise `worst` by the crossings of spokes before with spokes after.
 #[inline(always)]
-fn crossings(patch: &Patch, scratch: &mut Scratch, frame: &[[f32; 3]; 3], mut worst: f32) -> f32 {
-    find_crossings(patch, scratch, frame, worst);
+fn crossings<S: Simd>(simd: S, patch: &Patch, scratch: &mut Scratch, frame: &[[f32; 3]; 3], mut worst: f32) -> f32 {
+    find_crossings(simd, patch, scratch, frame, worst);
     let mut complete = false;
     // The largest gap first: it mostly answers for the rest.
     while let Some(at) = largest(&scratch.crossings) {
@@ -481,14 +537,16 @@ fn crossings(patch: &Patch, scratch: &mut Scratch, frame: &[[f32; 3]; 3], mut wo
         }
         // Each spoke belongs to its patch: the distance to it bounds the distance to the patch.
         if segment2(k.before, [0.0; 3], k.y) > worst {
-            worst = larger(worst, distance2(k.before, &scratch.after, worst));
+            worst = larger(worst, distance2(simd, k.before, &scratch.after, worst));
         }
         if segment2(k.after, k.c, k.x) > worst {
             if !complete {
-                scratch.before.iter_mut().for_each(prepare);
+                for b in &mut scratch.before {
+                    prepare(simd, b);
+                }
                 complete = true;
             }
-            worst = larger(worst, distance2(k.after, &scratch.before, worst));
+            worst = larger(worst, distance2(simd, k.after, &scratch.before, worst));
         }
     }
     worst
@@ -510,7 +568,7 @@ fn largest(crossings: &[Crossing]) -> Option<usize> {
 /// List the crossings whose two points are farther apart than the square root of `worst`: the others raise nothing, as neither of
 /// their points is farther from the other's patch.
 #[inline(always)]
-fn find_crossings(patch: &Patch, scratch: &mut Scratch, frame: &[[f32; 3]; 3], worst: f32) {
+fn find_crossings<S: Simd>(simd: S, patch: &Patch, scratch: &mut Scratch, frame: &[[f32; 3]; 3], worst: f32) {
     let b = patch.half;
     let a = scale(b, -1.0);
     let Scratch { flat, crossings, .. } = scratch;
@@ -521,9 +579,10 @@ fn find_crossings(patch: &Patch, scratch: &mut Scratch, frame: &[[f32; 3]; 3], w
         put(&mut flat[i / LANES], i % LANES, r.at);
     }
     for f in flat.iter_mut() {
-        for l in 0..LANES {
-            let p = lane(f, l);
-            put(f, l, [dot(p, frame[0]), dot(p, frame[1]), dot(p, frame[2])]);
+        for k in 0..V::<S>::PARTS {
+            let p = of3(simd, f, k);
+            let flat = [vdot(p, all3(simd, frame[0])), vdot(p, all3(simd, frame[1])), vdot(p, all3(simd, frame[2]))];
+            put3(flat, f, k);
         }
     }
     let fb = [dot(b, frame[0]), dot(b, frame[1]), dot(b, frame[2])];
@@ -536,23 +595,32 @@ fn find_crossings(patch: &Patch, scratch: &mut Scratch, frame: &[[f32; 3]; 3], w
             }
             let d = sub(x, fc);
             let along = fc[0] * d[1] - fc[1] * d[0];
+            let dx = all3(simd, d);
             for (block, f) in flat.iter().enumerate() {
                 // c + t·d = s·y in the plane: t = c×y / y×d, s = c×d / y×d.
                 let mut gap = [0.0f32; LANES];
                 let mut ts = [[0.0f32; LANES]; 2];
-                for l in 0..LANES {
-                    let y = lane(f, l);
-                    let inv = 1.0 / (y[0] * d[1] - y[1] * d[0]);
-                    let t = (fc[0] * y[1] - fc[1] * y[0]) * inv;
-                    let s = along * inv;
-                    let z = fc[2] + t * d[2] - s * y[2];
+                let mut any = false;
+                for k in 0..V::<S>::PARTS {
+                    let y = of3(simd, f, k);
+                    let c = all3(simd, fc);
+                    let inv = (y[0] * dx[1] - y[1] * dx[0]).reciprocal();
+                    let t = (c[0] * y[1] - c[1] * y[0]) * inv;
+                    let s = V::all(simd, along) * inv;
+                    let z = c[2] + t * dx[2] - s * y[2];
                     // Both between 0 and 1. Parallel lines give an infinity or no number: neither passes.
-                    let inside = smaller(smaller(s, 1.0 - s), smaller(t, 1.0 - t));
-                    gap[l] = if inside > 0.0 { z * z } else { 0.0 };
-                    (ts[0][l], ts[1][l]) = (t, s);
+                    let one = V::all(simd, 1.0);
+                    let inside = s.smaller(one - s).smaller(t.smaller(one - t));
+                    let zero = V::all(simd, 0.0);
+                    let wide = V::if_less(zero, inside, z * z, zero);
+                    if V::any_less(V::all(simd, worst), wide) {
+                        any = true;
+                        wide.put(&mut gap, k);
+                        t.put(&mut ts[0], k);
+                        s.put(&mut ts[1], k);
+                    }
                 }
-                let half: [f32; 4] = std::array::from_fn(|l| larger(gap[l], gap[l + 4]));
-                if larger(larger(half[0], half[2]), larger(half[1], half[3])) <= worst {
+                if !any {
                     continue;
                 }
                 for l in 0..LANES {
@@ -576,7 +644,7 @@ fn find_crossings(patch: &Patch, scratch: &mut Scratch, frame: &[[f32; 3]; 3], w
 
 /// Raise `worst` by the middles of all spokes, both ways.
 #[inline(always)]
-fn middles(patch: &Patch, scratch: &mut Scratch, mut worst: f32) -> f32 {
+fn middles<S: Simd>(simd: S, patch: &Patch, scratch: &mut Scratch, mut worst: f32) -> f32 {
     let b = patch.half;
     let a = scale(b, -1.0);
     let mut complete = false;
@@ -586,17 +654,19 @@ fn middles(patch: &Patch, scratch: &mut Scratch, mut worst: f32) -> f32 {
         for (has, c) in [(r.spoke_a, a), (r.spoke_b, b)] {
             let middle = [0.5 * (c[0] + r.at[0]), 0.5 * (c[1] + r.at[1]), 0.5 * (c[2] + r.at[2])];
             if has && segment2(middle, zero, r.at) > worst {
-                worst = larger(worst, distance2(middle, &scratch.after, worst));
+                worst = larger(worst, distance2(simd, middle, &scratch.after, worst));
             }
         }
         let middle = scale(r.at, 0.5);
         let near = |has: bool, c: [f32; 3]| has && segment2(middle, c, r.at) <= worst;
         if (r.spoke_a | r.spoke_b) && !near(r.spoke_a, a) && !near(r.spoke_b, b) {
             if !complete {
-                scratch.before.iter_mut().for_each(prepare);
+                for b in &mut scratch.before {
+                    prepare(simd, b);
+                }
                 complete = true;
             }
-            worst = larger(worst, distance2(middle, &scratch.before, worst));
+            worst = larger(worst, distance2(simd, middle, &scratch.before, worst));
         }
     }
     worst

@@ -11,6 +11,7 @@ mod evaluator;
 mod fixed;
 mod gather;
 mod kernel;
+mod lanes;
 mod seam;
 mod weigher;
 mod weight;

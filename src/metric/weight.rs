@@ -25,6 +25,7 @@
 //!
 //! The tests compare the value with dense sampling in `f64`.
 
+pub(crate) use super::kernel::edge_weight_by;
 pub use super::kernel::{Scratch, edge_weight, triangle_distance2};
 
 /// The largest ring that is sampled; above it the cost of sampling, quadratic in the ring, would rule the whole job.
