@@ -6,17 +6,12 @@
 
 const FOLDS: u32 = 0x100u;
 const SLIVER: f32 = 1e-4;
-/// Crossings that are kept; more are for the processor.
-const CROSSINGS: u32 = 48u;
 const SPOKES: u32 = 64u;
 
 /// The ring in the frame of the patch.
-var<private> flat: array<vec2<f32>, RING>;
+var<private> flat: array<vec3<f32>, RING>;
 /// Ring vertex of each spoke before, times two, plus one if it begins at `b`.
 var<private> spokes: array<u32, SPOKES>;
-var<private> crossing_gap: array<f32, CROSSINGS>;
-/// Ring vertex of the spoke after in the low byte, the spoke before as above in the next.
-var<private> crossing_spokes: array<u32, CROSSINGS>;
 
 fn end_of(t: u32) -> vec3<f32> {
     return select(-half, half, (t & AT_B) != 0u);
@@ -263,14 +258,15 @@ fn cross_spokes(fc: vec2<f32>, d: vec2<f32>, along: f32, y: vec2<f32>) -> vec2<f
     return vec2<f32>((fc.x * y.y - fc.y * y.x) * inv, along * inv);
 }
 
-/// Raise `least` by the crossings of spokes before with spokes after, the largest gap first; below 0 if there are too
-/// many.
+/// Raise `least` by the crossings of spokes before with spokes after, the largest gap first and of equals the first. A pass
+/// keeps the four largest in registers: to list them all takes writes by index, which cost software devices more than to
+/// pass again in the rare case.
 fn crossings(frame: Frame, least: f32) -> f32 {
     var worst = least;
     var spoke_count = 0u;
     for (var i = 0u; i < ring_count; i++) {
         let p = ring_at[i];
-        flat[i] = vec2<f32>(dot3(p, frame.x), dot3(p, frame.y));
+        flat[i] = vec3<f32>(dot3(p, frame.x), dot3(p, frame.y), dot3(p, frame.n));
         let marks = ring_marks[i];
         if (marks & SPOKE_A) != 0u {
             spokes[spoke_count] = 2u * i;
@@ -281,66 +277,61 @@ fn crossings(frame: Frame, least: f32) -> f32 {
             spoke_count += 1u;
         }
     }
-    let fb = vec2<f32>(dot3(half, frame.x), dot3(half, frame.y));
-    let hb = dot3(half, frame.n);
-    var count = 0u;
-    for (var i = 0u; i < spoke_count; i++) {
-        let spoke = spokes[i];
-        let at_b = (spoke & 1u) != 0u;
-        let fc = select(-fb, fb, at_b);
-        let d = flat[spoke >> 1u] - fc;
-        let along = fc.x * d.y - fc.y * d.x;
-        for (var j = 0u; j < ring_count; j++) {
-            let at = cross_spokes(fc, d, along, flat[j]);
-            // Both between 0 and 1. Parallel lines give an infinity or no number: neither passes.
-            let inside = smaller(smaller(at.y, 1.0 - at.y), smaller(at.x, 1.0 - at.x));
-            if inside > 0.0 {
-                let hc = select(-hb, hb, at_b);
-                let z = hc + at.x * (dot3(ring_at[spoke >> 1u], frame.n) - hc) - at.y * dot3(ring_at[j], frame.n);
-                let gap = z * z;
-                if gap > worst {
-                    if count >= CROSSINGS {
-                        return -1.0;
-                    }
-                    crossing_gap[count] = gap;
-                    crossing_spokes[count] = (spoke << 8u) | j;
-                    count += 1u;
-                }
-            }
-        }
-    }
+    let fb = vec3<f32>(dot3(half, frame.x), dot3(half, frame.y), dot3(half, frame.n));
+    // The last one that was taken.
+    var last_gap = 3.0e38;
+    var last = 0u;
     loop {
-        // The largest gap that is left; of equals the first.
-        var gap = 0.0;
-        var at = 0u;
-        for (var i = 0u; i < count; i++) {
-            let g = crossing_gap[i];
-            if g > gap {
-                gap = g;
-                at = i;
+        var gaps = vec4<f32>(0.0);
+        var found = vec4<u32>(0u);
+        for (var i = 0u; i < spoke_count; i++) {
+            let spoke = spokes[i];
+            let fc = select(-fb, fb, (spoke & 1u) != 0u);
+            let d = flat[spoke >> 1u] - fc;
+            let along = fc.x * d.y - fc.y * d.x;
+            for (var j = 0u; j < ring_count; j++) {
+                let y = flat[j];
+                let at = cross_spokes(fc.xy, d.xy, along, y.xy);
+                // Both between 0 and 1. Parallel lines give an infinity or no number: neither passes.
+                let inside = smaller(smaller(at.y, 1.0 - at.y), smaller(at.x, 1.0 - at.x));
+                let z = fc.z + at.x * d.z - at.y * y.z;
+                let gap = z * z;
+                let number = (i << 8u) | j;
+                let counts = inside > 0.0 && gap > worst && (gap < last_gap || (gap == last_gap && number > last));
+                let beats = vec4<f32>(select(0.0, gap, counts)) > gaps;
+                let behind = vec4<bool>(false, beats.x, beats.y, beats.z);
+                gaps = select(select(gaps, vec4<f32>(gap), beats), vec4<f32>(0.0, gaps.xyz), behind);
+                found = select(select(found, vec4<u32>(number), beats), vec4<u32>(0u, found.xyz), behind);
             }
         }
-        if gap <= worst {
+        var left = 4u;
+        while left > 0u && gaps.x > worst {
+            left -= 1u;
+            last_gap = gaps.x;
+            last = found.x;
+            gaps = vec4<f32>(gaps.yzw, 0.0);
+            found = vec4<u32>(found.yzw, 0u);
+            let spoke = spokes[last >> 8u];
+            let j = last & 0xffu;
+            let at_b = (spoke & 1u) != 0u;
+            let x = ring_at[spoke >> 1u];
+            let y = ring_at[j];
+            let c = select(-half, half, at_b);
+            let fc = select(-fb, fb, at_b);
+            let d = flat[spoke >> 1u] - fc;
+            let places = cross_spokes(fc.xy, d.xy, fc.x * d.y - fc.y * d.x, flat[j].xy);
+            let before = c + (x - c) * places.x;
+            let after = y * places.y;
+            // Each spoke belongs to its patch: the distance to it bounds the distance to the patch.
+            if segment2(before, vec3<f32>(0.0), y) > worst {
+                worst = larger(worst, one_to_after(before));
+            }
+            if segment2(after, c, x) > worst {
+                worst = larger(worst, to_before(after));
+            }
+        }
+        if left > 0u {
             break;
-        }
-        crossing_gap[at] = 0.0;
-        let spoke = crossing_spokes[at] >> 8u;
-        let j = crossing_spokes[at] & 0xffu;
-        let at_b = (spoke & 1u) != 0u;
-        let x = ring_at[spoke >> 1u];
-        let y = ring_at[j];
-        let c = select(-half, half, at_b);
-        let fc = select(-fb, fb, at_b);
-        let d = flat[spoke >> 1u] - fc;
-        let places = cross_spokes(fc, d, fc.x * d.y - fc.y * d.x, flat[j]);
-        let before = c + (x - c) * places.x;
-        let after = y * places.y;
-        // Each spoke belongs to its patch: the distance to it bounds the distance to the patch.
-        if segment2(before, vec3<f32>(0.0), y) > worst {
-            worst = larger(worst, one_to_after(before));
-        }
-        if segment2(after, c, x) > worst {
-            worst = larger(worst, to_before(after));
         }
     }
     return worst;
@@ -423,9 +414,6 @@ fn weigh(a: u32, b: u32) -> Outcome {
         let frame = patch_frame();
         if frame.holds {
             worst = crossings(frame, worst);
-            if worst < 0.0 {
-                return Outcome(0u, TOO_LARGE);
-            }
         } else if reach * 0.25 > worst {
             worst = middles(worst);
         }

@@ -101,7 +101,10 @@ fn adapters() -> Vec<wgpu::Adapter> {
 }
 
 /// Run `work` on a thread of its own; `None` if it does not end by the deadline.
-fn by_deadline<T: Send + 'static>(deadline: Duration, work: impl FnOnce() -> T + Send + 'static) -> Option<T> {
+pub(super) fn by_deadline<T: Send + 'static>(
+    deadline: Duration,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Option<T> {
     let (sender, receiver) = crossbeam_channel::bounded(1);
     std::thread::Builder::new()
         .name("lodestream device".to_string())

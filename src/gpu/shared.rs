@@ -49,6 +49,12 @@ impl SharedGpu {
         Ok(Box::new(InTurn { weights, shared: self.clone() }))
     }
 
+    /// As if a job had been failed.
+    #[cfg(test)]
+    pub(super) fn fail_for_a_test(&self) {
+        *self.failure.lock().unwrap() = Some(self.device.late());
+    }
+
     fn check(&self) -> Result<(), DeviceError> {
         self.failure.lock().map_or(Ok(()), |failure| failure.clone().map_or(Ok(()), Err))
     }

@@ -213,6 +213,56 @@ fn errors_are_one_line_that_names_the_device() {
     assert!(error::line(&"word ".repeat(1000)).len() < 260);
 }
 
+#[test]
+fn what_a_device_refuses_is_an_error() {
+    let Some(device) = test_device(DeviceOptions::default()) else { return };
+    // No text, and so no entry point.
+    let refused = shader::Kernel::new(&device, "nothing", 1).unwrap_err();
+    assert!(matches!(refused, DeviceError::Shader { .. }), "{refused}");
+    // The first error stays: whoever asks later hears of it.
+    assert!(GpuWeights::new(device).is_err());
+    let Some(device) = test_device(DeviceOptions::default()) else { return };
+    let mut buffer = buffers::Growing::new(&device, buffers::INPUT);
+    buffer.reserve(&device, 1 << 50);
+    let refused = device.check().unwrap_err().to_string();
+    assert!(refused.starts_with(&device.info().name) && !refused.contains('\n'), "{refused}");
+    let mut gpu = GpuWeights::new(test_device(DeviceOptions::default()).unwrap()).unwrap();
+    let mesh = crate::generate::by_name("torus", 400, 5).unwrap();
+    let (level, positions) = level_of(&mesh, 100.0);
+    weights(&mut gpu, &level.faces, &positions);
+}
+
+#[test]
+fn nobody_waits_for_a_driver_that_hangs() {
+    let (sender, receiver) = crossbeam_channel::bounded::<()>(0);
+    let wait = std::time::Duration::from_millis(20);
+    assert_eq!(device::by_deadline(wait, move || receiver.recv().is_ok()), None);
+    drop(sender);
+    assert_eq!(device::by_deadline(std::time::Duration::from_secs(30), || 7), Some(7));
+}
+
+#[test]
+fn jobs_take_turns_and_hear_of_a_failure() {
+    let Some(device) = test_device(DeviceOptions::default()) else { return };
+    let shared = SharedGpu::new(device, 3).unwrap();
+    let meshes = ["torus", "mixed", "soup"].map(|name| crate::generate::by_name(name, 900, 5).unwrap());
+    std::thread::scope(|scope| {
+        for mesh in &meshes {
+            let mut gpu = shared.evaluator().unwrap();
+            scope.spawn(move || {
+                let (level, positions) = level_of(mesh, 100.0);
+                let (_, by_cpu, _) = weights(&mut Cpu, &level.faces, &positions);
+                for _ in 0..3 {
+                    let (_, by_gpu, _) = weights(gpu.as_mut(), &level.faces, &positions);
+                    assert_eq!(by_gpu.len(), by_cpu.len());
+                }
+            });
+        }
+    });
+    shared.fail_for_a_test();
+    assert!(shared.evaluator().is_err());
+}
+
 /// Weights of all edges of a level by this evaluator.
 fn weights(evaluator: &mut dyn Evaluator, faces: &Faces, positions: &[[f32; 3]]) -> (EdgeList, Vec<Fixed>, u64) {
     let star = Star::build(positions.len(), faces);
