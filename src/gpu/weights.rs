@@ -186,6 +186,10 @@ impl GpuWeights {
             let mut inputs = vec![at.params.binding(0)];
             inputs.extend(level.bindings(1));
             inputs.push(at.edges.binding(3));
+            drop(span);
+            // A software device works here, a real one only hears of the work.
+            let mut span = task.trace.span("device: weigh", "submit edge_weight");
+            span.items(run.places.len() as u64);
             at.results.dispatch(device, &kernels.weigh, &inputs, run.places.len(), OUTCOME)?;
             drop(span);
             on_their_way.push_back((slot, run));

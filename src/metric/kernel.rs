@@ -322,15 +322,25 @@ fn ordinary<S: Simd>(simd: S, patch: &Patch, scratch: &mut Scratch) -> (f32, boo
     (worst, folds)
 }
 
+/// So many blocks, of which the last holds no triangles yet: the others are about to be filled, and what follows from the edges is
+/// computed before it is read.
+#[inline(always)]
+fn make_room(blocks: &mut Vec<Block>, count: usize) {
+    blocks.resize(count, EMPTY);
+    if let Some(last) = blocks.last_mut() {
+        last.c = [[FAR; LANES]; 3];
+        last.e0 = [[0.0; LANES]; 3];
+        last.e1 = [[0.0; LANES]; 3];
+    }
+}
+
 /// Fill the blocks: surviving triangles in the same lanes of both, vanishing ones after them.
 #[inline(always)]
 fn lay_out<S: Simd>(simd: S, patch: &Patch, scratch: &mut Scratch) {
     let n = patch.triangles.len();
     let total = n + patch.vanishing.len();
-    scratch.after.clear();
-    scratch.after.resize(n.div_ceil(LANES), EMPTY);
-    scratch.before.clear();
-    scratch.before.resize(total.div_ceil(LANES), EMPTY);
+    make_room(&mut scratch.after, n.div_ceil(LANES));
+    make_room(&mut scratch.before, total.div_ceil(LANES));
     let b = patch.half;
     let a = scale(b, -1.0);
     for (i, t) in patch.triangles.iter().enumerate() {
