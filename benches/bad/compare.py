@@ -7,7 +7,7 @@
 
 PyMeshLab repairs each mesh of FOLDER: faces that repeat a vertex, duplicate faces and faces without area go, edges of more
 than two faces and vertices of several fans are split, vertices of no face go. What it mends is counted. Both are then
-encoded on one lattice (12 bits along the original's longest side). The original may take `ratio` times the bytes of the
+encoded on one lattice (12 bits along the original's longest side), positions and faces only. The original may take `ratio` times the bytes of the
 repaired mesh and `bits` for each defect. The exit code is 1 where one takes more.
 """
 
@@ -26,7 +26,7 @@ EXTENSIONS = {".off", ".obj", ".ply", ".stl"}
 def encode(program, source, target, *lattice):
     """Encode a mesh; what the program and the file say about it."""
     run = lambda *words: json.loads(subprocess.run([program, *map(str, words), "--json"], check=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE).stdout)
-    return run("encode", source, "-o", target, *lattice), run("info", target)["quantization"]
+    return run("encode", source, "-o", target, "--drop", "all", *lattice), run("info", target)["quantization"]
 
 
 def repair(source, target):

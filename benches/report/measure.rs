@@ -234,7 +234,8 @@ fn bits(dataset: &Dataset) -> u8 {
 fn encode_once(source: &Path, lods: &Path, bits: u8) -> Result<Value, String> {
     let mut command = Command::new(env!("CARGO_BIN_EXE_lodestream"));
     command.arg("encode").arg(source).arg("-o").arg(lods).args(["--json", "--position-bits", &bits.to_string()]);
-    json_of(command.arg("--no-weld"))
+    // Geometry alone: that is what every rival's figures are for.
+    json_of(command.args(["--no-weld", "--drop", "all"]))
 }
 
 /// Run a command that prints one JSON object.

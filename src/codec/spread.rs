@@ -83,9 +83,9 @@ fn across(n: [i64; 3]) -> [i64; 3] {
     unit(cross(n, axis))
 }
 
+/// `2 log2`, from the leading bit and the one below it.
 #[inline]
-fn half_octaves(x: i64) -> usize {
-    // 2·log2, from the leading bit and the one below it.
+pub fn half_octaves(x: i64) -> usize {
     let b = 63 - (x.max(1) as u64).leading_zeros() as usize;
     2 * b + if b > 0 { (x >> (b - 1)) as usize & 1 } else { 0 }
 }

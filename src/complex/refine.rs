@@ -362,6 +362,16 @@ impl Work<'_> {
         for f in range {
             let corners = old.get(f as u32);
             let mark = self.mark[f];
+            if mark == 0 {
+                // No corner splits.
+                if let &[x, y, z] = corners {
+                    run.put(&[r[x as usize], r[y as usize], r[z as usize]]);
+                } else {
+                    corners.iter().for_each(|&v| run.put(&[r[v as usize]]));
+                }
+                run.close(f as u32);
+                continue;
+            }
             if mark & FIRST != 0
                 && let Some(first) = corners.iter().find_map(|&v| (new(v).1 == 1).then_some(v))
             {

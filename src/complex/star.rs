@@ -2,7 +2,6 @@
 
 use super::level::Faces;
 use crate::par;
-use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 /// Fewer elements than this are not worth a second task.
 const SMALL: usize = 1 << 12;
@@ -46,51 +45,50 @@ impl Star {
 
     /// Build the stars whose beginnings, and end, are known.
     ///
-    /// One task goes forwards from the first element and fills stars from their beginnings, the other backwards from the last and
-    /// fills them from their ends, so neither need know what the other does.
+    /// Two tasks go through all elements, each for half of the vertices.
     pub fn fill(start: Vec<u32>, faces: &Faces, with_next: bool) -> Self {
-        let zeros = |n| -> Vec<AtomicU32> { std::iter::repeat_with(AtomicU32::default).take(n).collect() };
-        let list = zeros(faces.corners.len());
-        let next = zeros(if with_next { list.len() } else { 0 });
-        let put = |at: u32, f: u32, corners: &[u32], i: usize| {
-            list[at as usize].store(f, Relaxed);
-            if with_next {
-                let follows = if corners.len() > BIG {
-                    i
-                } else if i + 1 == corners.len() {
-                    0
-                } else {
-                    i + 1
-                };
-                next[at as usize].store(corners[follows], Relaxed);
-            }
-        };
-        let half = if faces.len() < SMALL { 0 } else { faces.len() as u32 / 2 };
-        let forwards = || {
-            let mut begin = if half > 0 { start.clone() } else { Vec::new() };
-            for f in 0..half {
-                let corners = faces.get(f);
-                for (i, &v) in corners.iter().enumerate() {
-                    let at = &mut begin[v as usize];
-                    put(*at, f, corners, i);
+        let (vertices, count) = (start.len() - 1, faces.corners.len());
+        let mut list = vec![0; count];
+        let mut next = vec![0; if with_next { count } else { 0 }];
+        let half = if faces.len() < SMALL { 0 } else { vertices / 2 };
+        let cut = start[half] as usize;
+        let (list_one, list_two) = list.split_at_mut(cut);
+        let (next_one, next_two) = next.split_at_mut(if with_next { cut } else { 0 });
+        let fill = |from: usize, to: usize, list: &mut [u32], next: &mut [u32]| {
+            let mut at: Vec<u32> = start[from..to].iter().map(|&s| s - start[from]).collect();
+            let mut put = |f: u32, v: u32, follows: u32| {
+                if let Some(at) = at.get_mut((v as usize).wrapping_sub(from)) {
+                    list[*at as usize] = f;
+                    if with_next {
+                        next[*at as usize] = follows;
+                    }
                     *at += 1;
                 }
-            }
-        };
-        let backwards = || {
-            let mut end = start[1..].to_vec();
-            for f in (half..faces.len() as u32).rev() {
-                let corners = faces.get(f);
-                for (i, &v) in corners.iter().enumerate() {
-                    let at = &mut end[v as usize];
-                    *at -= 1;
-                    put(*at, f, corners, i);
+            };
+            for f in 0..faces.len() as u32 {
+                match faces.get(f) {
+                    &[a, b, c] => {
+                        put(f, a, b);
+                        put(f, b, c);
+                        put(f, c, a);
+                    }
+                    corners if corners.len() > BIG => corners.iter().for_each(|&v| put(f, v, v)),
+                    corners => {
+                        let follows = corners.iter().skip(1).chain(corners.first());
+                        corners.iter().zip(follows).for_each(|(&v, &next)| put(f, v, next));
+                    }
                 }
             }
         };
-        par::join(forwards, backwards);
-        let plain = |list: Vec<AtomicU32>| list.into_iter().map(AtomicU32::into_inner).collect();
-        Star { start, faces: plain(list), next: plain(next) }
+        par::join(
+            || {
+                if half > 0 {
+                    fill(0, half, list_one, next_one)
+                }
+            },
+            || fill(half, vertices, list_two, next_two),
+        );
+        Star { start, faces: list, next }
     }
 
     /// The elements around `v`.

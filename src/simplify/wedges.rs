@@ -137,8 +137,7 @@ fn merges(faces: &Faces, star: &Star, layer: &Wedges, pairs: &[[u32; 2]], bias: 
                     let (p, q) = (value(x), value(y));
                     // The one with more corners keeps its number: less to note.
                     let (name, old) = if m < n { (y, q) } else { (x, p) };
-                    let half = std::array::from_fn(|c| middle(p[c], q[c], bias));
-                    let after = mask(half, layer.width);
+                    let after = std::array::from_fn(|c| middle(p[c], q[c], bias));
                     if old != after {
                         out.changed.push((name, old, after));
                     }
@@ -151,11 +150,6 @@ fn merges(faces: &Faces, star: &Star, layer: &Wedges, pairs: &[[u32; 2]], bias: 
         });
     }
     out
-}
-
-fn mask(mut v: Value, width: usize) -> Value {
-    v[width..].fill(0);
-    v
 }
 
 /// Follow a batch: the attributes of the coarser level, whose wedges go by slots, and what leads back.

@@ -7,6 +7,8 @@
 //! wedges out of one) is told corner by corner. `FORMAT.md` has the whole of it.
 
 mod base;
+mod choose;
+mod scratch;
 mod settle;
 mod structure;
 mod values;

@@ -2,7 +2,8 @@
 
 use super::super::range::Coder;
 use super::super::segment::{Nonsense, Source};
-use super::structure::{Fresh, Group, Job, LayerScratch, Local, UNSETTLED};
+use super::scratch::{Fresh, Group, LayerScratch, Local, UNSETTLED};
+use super::structure::Job;
 use super::values::{Far, VALUE_LIMIT, Value, WIDTH, code_far, code_pair, code_reach, similar};
 use crate::complex::placement::sub;
 use crate::complex::{MAX_WEDGES, NEW, NONE, WedgeBatch, first_of_middle, middle};
@@ -18,7 +19,7 @@ fn within(value: &Value) -> Result<(), Nonsense> {
 impl<C: Coder> Job<'_, C> {
     pub(super) fn halfway(&self, a: Value, b: Value) -> Value {
         let mut m = [0; WIDTH];
-        for c in 0..self.wedges.width {
+        for c in 0..self.sight.wedges.width {
             m[c] = middle(a[c], b[c], self.bias);
         }
         m
@@ -27,21 +28,9 @@ impl<C: Coder> Job<'_, C> {
     /// The children's values of a pair around their middle `m`.
     fn pair(&mut self, w: u32, m: Value, a: Value, b: Value) -> (Value, Value) {
         let difference = std::array::from_fn(|c| a[c].wrapping_sub(b[c]));
-        let level = self.view.level;
-        let d = code_pair(
-            self.coder,
-            self.values,
-            &level.positions,
-            &level.faces.corners,
-            self.wedges,
-            self.patch,
-            self.frame,
-            self.spokes,
-            w,
-            difference,
-        );
+        let d = code_pair(self.coder, self.values, self.sight, w, difference);
         let mut one = [0; WIDTH];
-        for c in 0..self.wedges.width {
+        for c in 0..self.sight.wedges.width {
             one[c] = first_of_middle(m[c], d[c], self.bias);
         }
         (one, std::array::from_fn(|c| one[c].wrapping_sub(d[c])))
@@ -55,7 +44,7 @@ impl<C: Coder> Job<'_, C> {
         out: &mut WedgeBatch,
         regular: bool,
     ) -> Result<(), Nonsense> {
-        let width = self.wedges.width;
+        let width = self.sight.wedges.width;
         if !C::DECODING {
             for local in &mut s.locals {
                 local.value = source.value(self.l, local.key);
@@ -156,29 +145,17 @@ impl<C: Coder> Job<'_, C> {
     /// A new value at the apex `x`: by the fit around the wedge that its triangle continues, else by the shape of the triangle.
     fn apex_value(&mut self, s: &LayerScratch, x: u32, t: usize, value: Value) -> Value {
         let level = self.view.level;
-        let r = sub(level.positions[x as usize], self.patch.at);
+        let r = sub(level.positions[x as usize], self.sight.patch.at);
         let [one, two] = [s.inserted[t][0], s.inserted[t][1]].map(|local| s.locals[local as usize]);
         if one.group != NONE {
             let w = s.groups[one.group as usize].w;
-            return code_reach(
-                self.coder,
-                self.values,
-                &level.positions,
-                &level.faces.corners,
-                self.wedges,
-                self.patch,
-                self.frame,
-                self.spokes,
-                w,
-                r,
-                value,
-            );
+            return code_reach(self.coder, self.values, self.sight, w, r, value);
         }
         // The children lie half their difference to either side.
-        let e = self.frame.delta.map(|c| -2 * c as i64);
-        let f = std::array::from_fn(|k| 2 * r[k] - self.frame.delta[k] as i64);
+        let e = self.sight.frame.delta.map(|c| -2 * c as i64);
+        let f = std::array::from_fn(|k| 2 * r[k] - self.sight.frame.delta[k] as i64);
         let left = self.split.triangles.get(t).is_some_and(|t| !t.reversed);
-        let width = self.wedges.width;
+        let width = self.sight.wedges.width;
         let mut guess = similar(e, f, one.value, two.value, width, left);
         if width == 2 {
             let other = similar(e, f, one.value, two.value, width, !left);
@@ -223,9 +200,9 @@ impl<C: Coder> Job<'_, C> {
 
     /// A new wedge.
     fn fresh(&self, out: &mut WedgeBatch, value: &Value) -> Result<u32, Nonsense> {
-        let width = self.wedges.width;
+        let width = self.sight.wedges.width;
         let number = out.fresh.len() / width;
-        if number >= UNSETTLED as usize || self.wedges.len() + number >= MAX_WEDGES {
+        if number >= UNSETTLED as usize || self.sight.wedges.len() + number >= MAX_WEDGES {
             return Err(Nonsense("more wedges than a layer can have"));
         }
         if let Some(room) = self.room.get(self.l)

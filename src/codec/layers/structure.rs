@@ -3,9 +3,10 @@
 use super::super::patch::{Patch, View};
 use super::super::range::{Bit, Coder};
 use super::super::segment::{Nonsense, Source};
-use super::values::{Frame, Value, ValueModels, WIDTH};
+use super::scratch::{Group, LayerScratch, push_local};
+use super::values::{Frame, Sight, Value, ValueModels, WIDTH};
 use super::{AttributeModels, Dress, Keys, LabelModels, Spoke};
-use crate::complex::{AttributeBatch, BIG, NEW, NONE, Side, Split, WedgeBatch, Wedges};
+use crate::complex::{AttributeBatch, NONE, Side, Split, WedgeBatch};
 use std::sync::atomic::AtomicU64;
 
 /// Adaptive models of the structure of one layer.
@@ -42,62 +43,6 @@ impl Default for StructureModels {
     }
 }
 
-/// The corners of one wedge around the vertex that splits.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Group {
-    /// The wedge.
-    pub(super) w: u32,
-    /// The last and the number of the wedges that each child has of it.
-    pub(super) last: [u32; 2],
-    pub(super) count: [u32; 2],
-    /// Which of them is the main one.
-    pub(super) main: [u32; 2],
-}
-
-impl Group {
-    fn of(w: u32) -> Self {
-        Group { w, last: [NONE; 2], count: [0; 2], main: [NONE; 2] }
-    }
-}
-
-/// A wedge of a child.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Local {
-    pub(super) key: u32,
-    /// Its group, or [`NONE`].
-    pub(super) group: u32,
-    pub(super) child: u8,
-    /// The one before it in its group, or [`NONE`].
-    pub(super) before: u32,
-    /// Its number: of the coarser level, or `NEW | i`.
-    pub(super) id: u32,
-    pub(super) value: Value,
-}
-
-/// A place where a triangle may continue: an element with the apex.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Place {
-    group: u32,
-    /// The wedge at the apex.
-    apex: u32,
-    side: Side,
-}
-
-/// A new wedge at the apex of a triangle that appears.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Fresh {
-    /// The apex.
-    pub(super) x: u32,
-    pub(super) key: u32,
-    /// Its name, [`UNSETTLED`] until it has a number.
-    pub(super) id: u32,
-    /// The first triangle that has it.
-    pub(super) triangle: u32,
-}
-
-/// Marks the name of a new wedge at an apex that has no number yet, together with [`NEW`].
-pub(super) const UNSETTLED: u32 = 1 << 30;
-
 /// Buffers reused from split to split.
 #[derive(Clone, Debug, Default)]
 pub struct AttributeScratch {
@@ -108,34 +53,12 @@ pub struct AttributeScratch {
     layer: LayerScratch,
 }
 
-#[derive(Clone, Debug, Default)]
-pub(super) struct LayerScratch {
-    pub(super) groups: Vec<Group>,
-    pub(super) locals: Vec<Local>,
-    /// For each spoke its group, or [`NONE`] without a value.
-    pub(super) group_of: Vec<u32>,
-    /// For each element of the star, in order of spokes, the wedges of the children.
-    pub(super) star: Vec<[u32; 2]>,
-    pub(super) inserted: Vec<[u32; 3]>,
-    places: Vec<Place>,
-    /// New wedges at apexes.
-    pub(super) fresh: Vec<Fresh>,
-    pub(super) ids: Vec<u32>,
-    /// The spokes beside an element that appears, and their corners at its apex.
-    pub(super) adjacent: Vec<(u32, u32)>,
-    /// The places of the first elements that appear, one list behind the other, and the end of each.
-    listed: Vec<Place>,
-    ends: Vec<u32>,
-}
-
 /// Triangles from which on neighbours are looked up in an index.
 const MANY: usize = 8;
 /// Elements that appear whose places are kept.
 const KEPT: usize = 4;
 /// Elements around an apex whose wedges are considered, new wedges at apexes too, and elements beside one that appears.
-const NEAR: usize = 64;
-/// Wedges of a group that a child has which are considered beside the last.
-const BACK: u32 = 64;
+pub(super) const NEAR: usize = 64;
 
 /// Code the attributes of the split of `patch.vertex`, appending to `out`. `room` is, for a decoder, how many wedges each layer may still gain
 /// in all segments of the batch; an encoder's is empty.
@@ -225,8 +148,9 @@ pub fn code_attributes<C: Coder, S: Source>(
     for (l, (wedges, (structure, values))) in view.attributes.layers.iter().zip(&mut models.layers).enumerate() {
         let none = Keys::default();
         let keys = dress.layers.get(l).filter(|_| !C::DECODING).unwrap_or(&none);
-        let mut job =
-            Job { coder, structure, values, view, wedges, l, patch, split, frame: &frame, bias, spokes, keys, room };
+        let sight =
+            &Sight { positions: &view.level.positions, names: &faces.corners, wedges, patch, frame: &frame, spokes };
+        let mut job = Job { coder, structure, values, view, sight, l, split, bias, keys, room };
         let has = |t: usize| scheme.has(out.labels.get(labels + t).copied().unwrap_or(0), l);
         job.run(rest, source, &mut out.layers[l], star.len(), inserted, &has, &beside)?;
     }
@@ -259,7 +183,7 @@ fn code_label<C: Coder>(
 }
 
 /// Lists for an element that appears the spokes beside it, and their corners at its apex.
-type Beside<'a> = dyn Fn(usize, &mut Vec<(u32, u32)>) + 'a;
+pub(super) type Beside<'a> = dyn Fn(usize, &mut Vec<(u32, u32)>) + 'a;
 
 /// One layer of one split.
 pub(super) struct Job<'a, C> {
@@ -267,41 +191,38 @@ pub(super) struct Job<'a, C> {
     pub(super) structure: &'a mut StructureModels,
     pub(super) values: &'a mut ValueModels,
     pub(super) view: &'a View<'a>,
-    pub(super) wedges: &'a Wedges,
+    pub(super) sight: &'a Sight<'a>,
     pub(super) l: usize,
-    pub(super) patch: &'a Patch,
     pub(super) split: &'a Split,
-    pub(super) frame: &'a Frame,
     pub(super) bias: i32,
-    pub(super) spokes: &'a [Spoke],
     pub(super) keys: &'a Keys,
     pub(super) room: &'a [AtomicU64],
 }
 
 /// The key of a corner that an encoder has not been told; never asked for in earnest.
-const UNKNOWN: u32 = NONE;
+pub(super) const UNKNOWN: u32 = NONE;
 
 impl<C: Coder> Job<'_, C> {
-    fn side(&self, k: usize) -> Side {
-        self.split.sides[self.spokes[k].place as usize]
+    pub(super) fn side(&self, k: usize) -> Side {
+        self.split.sides[self.sight.spokes[k].place as usize]
     }
 
-    fn key(&self, k: usize) -> [u32; 2] {
-        self.keys.star.get(self.spokes[k].place as usize).copied().unwrap_or([UNKNOWN; 2])
+    pub(super) fn key(&self, k: usize) -> [u32; 2] {
+        self.keys.star.get(self.sight.spokes[k].place as usize).copied().unwrap_or([UNKNOWN; 2])
     }
 
-    fn inserted_key(&self, t: usize) -> [u32; 3] {
+    pub(super) fn inserted_key(&self, t: usize) -> [u32; 3] {
         self.keys.inserted.get(t).copied().unwrap_or([UNKNOWN; 3])
     }
 
     pub(super) fn own_value(&self, w: u32) -> Value {
         let mut out = [0; WIDTH];
-        out[..self.wedges.width].copy_from_slice(self.wedges.value(w));
+        out[..self.sight.wedges.width].copy_from_slice(self.sight.wedges.value(w));
         out
     }
 
     /// The corners that a side gives to the children: first child, second child.
-    fn children(side: Side) -> [bool; 2] {
+    pub(super) fn children(side: Side) -> [bool; 2] {
         match side {
             Side::One => [true, false],
             Side::Two => [false, true],
@@ -320,10 +241,10 @@ impl<C: Coder> Job<'_, C> {
         has: &dyn Fn(usize) -> bool,
         beside: &Beside,
     ) -> Result<(), Nonsense> {
-        let n = self.spokes.len();
+        let n = self.sight.spokes.len();
         // Groups, in order of their wedges' numbers.
         s.group_of.clear();
-        s.group_of.extend(self.spokes.iter().map(|k| self.wedges.corner[k.own as usize]));
+        s.group_of.extend(self.sight.spokes.iter().map(|k| self.sight.wedges.corner[k.own as usize]));
         s.groups.clear();
         s.locals.clear();
         s.fresh.clear();
@@ -381,7 +302,7 @@ impl<C: Coder> Job<'_, C> {
         out.star.resize(first + elements, NONE);
         let id = |s: &LayerScratch, local: u32| if local == NONE { NONE } else { s.locals[local as usize].id };
         let grown = out.grown.len();
-        for (k, spoke) in self.spokes.iter().enumerate() {
+        for (k, spoke) in self.sight.spokes.iter().enumerate() {
             let [one, two] = s.star[k];
             let at = first + spoke.place as usize;
             match Self::children(self.side(k)) {
@@ -412,7 +333,7 @@ impl<C: Coder> Job<'_, C> {
         has: &dyn Fn(usize) -> bool,
         beside: &Beside,
     ) -> Result<(), Nonsense> {
-        let n = self.spokes.len();
+        let n = self.sight.spokes.len();
         let triangles = self.split.triangles.len();
         let crowd = if s.groups.len() < 2 {
             s.groups.len()
@@ -509,241 +430,4 @@ impl<C: Coder> Job<'_, C> {
         }
         self.settle(s, source, out, regular)
     }
-
-    /// The places of element `t`, as they were listed or anew.
-    fn recall(&self, s: &mut LayerScratch, t: usize, beside: &Beside) {
-        if t < s.ends.len().min(self.split.triangles.len()) {
-            let from = if t == 0 { 0 } else { s.ends[t - 1] as usize };
-            s.places.clear();
-            s.places.extend_from_slice(&s.listed[from..s.ends[t] as usize]);
-        } else {
-            beside(t, &mut s.adjacent);
-            self.look(s);
-        }
-    }
-
-    /// List the places that what `s.adjacent` is beside may continue.
-    fn look(&self, s: &mut LayerScratch) {
-        s.places.clear();
-        for &(k, corner) in &s.adjacent {
-            let group = s.group_of[k as usize];
-            if group == NONE {
-                continue;
-            }
-            let apex = self.wedges.corner[corner as usize];
-            if !s.places.iter().any(|p| p.group == group && p.apex == apex) {
-                s.places.push(Place { group, apex, side: self.side(k as usize) });
-            }
-            // What a hub's triangle may continue need not be listed in full.
-            if s.places.len() >= 16 {
-                break;
-            }
-        }
-    }
-
-    /// Which place an inserted element continues, for an encoder: by the groups that its corners are known to belong to.
-    fn wanted<S: Source>(&self, s: &LayerScratch, source: &S, keys: [u32; 3], edge: bool) -> Option<usize> {
-        if C::DECODING {
-            return None;
-        }
-        let fits = |p: &Place| {
-            let g = &s.groups[p.group as usize];
-            let has = |child: usize| {
-                let mut at = g.last[child];
-                let mut steps = 0;
-                while at != NONE && steps <= BACK {
-                    let local = &s.locals[at as usize];
-                    if local.key == keys[child] {
-                        return true;
-                    }
-                    at = local.before;
-                    steps += 1;
-                }
-                false
-            };
-            has(0) || has(1)
-        };
-        let apex = |p: &Place| edge || source.key(self.l, p.apex) == keys[2];
-        // Rather one whose apex continues too.
-        s.places.iter().position(|p| fits(p) && apex(p)).or_else(|| s.places.iter().position(fits))
-    }
-
-    /// The group that one of the corners of an inserted element at the children is known to belong to.
-    fn inside(&self, s: &LayerScratch, keys: [u32; 3]) -> Option<u32> {
-        if C::DECODING {
-            return None;
-        }
-        let known = |local: &&Local| local.group != NONE && local.key == keys[local.child as usize];
-        // Any will do, and so will none: a hub need not be searched through for each of its triangles.
-        s.locals.iter().take(1 << 12).find(known).map(|local| local.group)
-    }
-
-    /// The one wedge that a child has of a group.
-    fn only(&self, s: &mut LayerScratch, group: u32, child: usize, key: u32) -> u32 {
-        match s.groups[group as usize].last[child] {
-            NONE => push_local(s, group, child, key),
-            local => local,
-        }
-    }
-
-    /// One of the wedges that a child has of a group, or a further one.
-    fn told(&mut self, s: &mut LayerScratch, group: u32, child: usize, key: u32) -> u32 {
-        let Group { last, count, .. } = s.groups[group as usize];
-        let (last, count) = (last[child], count[child]);
-        if last == NONE {
-            return push_local(s, group, child, key);
-        }
-        if self.coder.bit(&mut self.structure.same[(count.min(2) - 1) as usize], s.locals[last as usize].key == key) {
-            return last;
-        }
-        // How many back. What lies too far back counts as new.
-        let choices = (count - 1).min(BACK);
-        let mut back = 0;
-        if !C::DECODING {
-            let mut at = s.locals[last as usize].before;
-            while back < choices && s.locals[at as usize].key != key {
-                at = s.locals[at as usize].before;
-                back += 1;
-            }
-        }
-        if choices == 0 || self.coder.bit(&mut self.structure.new[1], back == choices) {
-            return push_local(s, group, child, key);
-        }
-        let back = self.coder.uniform(choices, back.min(choices - 1));
-        let mut at = s.locals[last as usize].before;
-        for _ in 0..back {
-            at = s.locals[at as usize].before;
-        }
-        at
-    }
-
-    /// The wedge at the apex: that of the place continued, another one of the apex, or a new one.
-    #[allow(clippy::too_many_arguments)]
-    fn apex<S: Source>(
-        &mut self,
-        s: &mut LayerScratch,
-        source: &S,
-        t: usize,
-        x: u32,
-        key: u32,
-        place: Option<Place>,
-        regular: bool,
-    ) -> Result<u32, Nonsense> {
-        let key_of = |w: u32| if C::DECODING { UNKNOWN } else { source.key(self.l, w) };
-        if let Some(p) = place
-            && (regular || self.coder.bit(&mut self.structure.apex[0], key_of(p.apex) == key))
-        {
-            return Ok(p.apex);
-        }
-        // Wedges of the apex, and those that this split gave it. Of a hub not all: what is not found counts as new.
-        let list = |s: &mut LayerScratch| {
-            s.ids.clear();
-            let faces = &self.view.level.faces;
-            for &f in self.view.star.get(x).iter().take(NEAR) {
-                let corners = faces.get(f);
-                // Looking through large elements from every apex would cost the square of their size.
-                if corners.len() > BIG {
-                    continue;
-                }
-                let at = corners.iter().position(|&y| y == x).unwrap_or(0);
-                let w = self.wedges.corner[faces.start[f as usize] as usize + at];
-                if w != NONE {
-                    s.ids.push(w);
-                }
-            }
-            s.ids.sort_unstable();
-            s.ids.dedup();
-            let old = s.ids.len();
-            let newest = s.fresh.len().saturating_sub(NEAR);
-            s.ids.extend(s.fresh[newest..].iter().filter(|f| f.x == x).map(|f| f.id));
-            old
-        };
-        let mut found = None;
-        if !C::DECODING {
-            let old = list(s);
-            let fresh = |id: u32| s.fresh.get((id & !(NEW | UNSETTLED)) as usize).map_or(UNKNOWN, |f| f.key);
-            found = (0..s.ids.len()).find(|&i| (if i < old { key_of(s.ids[i]) } else { fresh(s.ids[i]) }) == key);
-        }
-        if self.coder.bit(&mut self.structure.apex[1 + place.is_some() as usize], found.is_some()) {
-            if C::DECODING {
-                list(s);
-            }
-            if s.ids.is_empty() {
-                return Err(Nonsense("a wedge of an apex that has none"));
-            }
-            let i = self.coder.uniform(s.ids.len() as u32, found.unwrap_or(0) as u32);
-            return Ok(s.ids[i as usize]);
-        }
-        // Numbered when the wedges of the children are.
-        let id = NEW | UNSETTLED | s.fresh.len() as u32;
-        s.fresh.push(Fresh { x, key, id, triangle: t as u32 });
-        Ok(id)
-    }
-
-    /// Whether an encoder's split is regular: told by building what a decoder would build.
-    fn is_regular<S: Source>(
-        &self,
-        s: &mut LayerScratch,
-        source: &S,
-        inserted: usize,
-        has: &dyn Fn(usize) -> bool,
-        beside: &Beside,
-    ) -> bool {
-        let fits = |s: &mut LayerScratch, group: u32, child: usize, key: u32| {
-            let local = self.only(s, group, child, key);
-            s.locals[local as usize].key == key
-        };
-        for k in 0..self.spokes.len() {
-            let g = s.group_of[k];
-            if g == NONE {
-                continue;
-            }
-            let keys = self.key(k);
-            let children = Self::children(self.side(k));
-            for child in 0..2 {
-                let key = if children[0] { keys[child] } else { keys[0] };
-                if children[child] && !fits(s, g, child, key) {
-                    return false;
-                }
-            }
-        }
-        for t in 0..inserted {
-            if !has(t) {
-                continue;
-            }
-            let edge = t >= self.split.triangles.len();
-            self.recall(s, t, beside);
-            let keys = self.inserted_key(t);
-            let Some(chosen) = self.wanted(s, source, keys, edge) else { return false };
-            let p = s.places[chosen];
-            if !edge && source.key(self.l, p.apex) != keys[2] {
-                return false;
-            }
-            if !(fits(s, p.group, 0, keys[0]) && fits(s, p.group, 1, keys[1])) {
-                return false;
-            }
-        }
-        s.groups.iter().all(|g| {
-            let own = self.own_value(g.w);
-            let value = |local: u32| source.value(self.l, s.locals[local as usize].key);
-            match g.last {
-                [NONE, NONE] => true,
-                [NONE, one] | [one, NONE] => value(one) == own,
-                [one, two] => self.halfway(value(one), value(two)) == own,
-            }
-        })
-    }
-}
-
-fn push_local(s: &mut LayerScratch, group: u32, child: usize, key: u32) -> u32 {
-    let at = s.locals.len() as u32;
-    let mut local = Local { key, group, child: child as u8, before: NONE, ..Local::default() };
-    if group != NONE {
-        let g = &mut s.groups[group as usize];
-        local.before = g.last[child];
-        g.last[child] = at;
-        g.count[child] += 1;
-    }
-    s.locals.push(local);
-    at
 }

@@ -8,6 +8,7 @@
 use super::super::density::{Density, MIN_SPREAD, Q};
 use super::super::patch::{Patch, length};
 use super::super::range::{Bit, Coder};
+use super::super::spread::half_octaves;
 use super::Spoke;
 use crate::complex::Wedges;
 use crate::complex::placement::{cross, dot, root, unit};
@@ -206,69 +207,60 @@ impl Fit {
 /// Differences of values enter the fit within ± this, so that sums stay in 64 bits.
 const STEEP: i64 = 1 << 24;
 
-/// The corners around `v` that see wedge `w`.
-fn gather(
-    positions: &[[i32; 3]],
-    names: &[u32],
-    layer: &Wedges,
-    patch: &Patch,
-    frame: &Frame,
-    spokes: &[Spoke],
-    w: u32,
-) -> Sums {
-    let mut s = Sums::default();
-    let width = layer.width;
-    let own = layer.value(w);
-    let mut add = |corner: u32| {
-        let at = positions[names[corner as usize] as usize];
-        let r: [i64; 3] = std::array::from_fn(|k| at[k] as i64 - patch.at[k] as i64);
-        let (x, y) = frame.place(r, patch.mean);
-        s.n += 1;
-        s.xx += x * x;
-        s.xy += x * y;
-        s.yy += y * y;
-        let value = layer.value(layer.corner[corner as usize]);
-        for c in 0..width {
-            let u = (value[c] as i64 - own[c] as i64).clamp(-STEEP, STEEP);
-            s.xu[c] += x * u;
-            s.yu[c] += y * u;
-            s.uu[c] += u * u;
-        }
-    };
-    for spoke in spokes.iter().take(LOOK) {
-        if layer.corner[spoke.own as usize] == w {
-            add(spoke.next);
-            if spoke.prev != spoke.next {
-                add(spoke.prev);
-            }
-        }
-    }
-    s
+/// What one layer sees around the vertex that splits.
+#[derive(Clone, Copy)]
+pub struct Sight<'a> {
+    /// The level's positions, and for each corner its vertex.
+    pub positions: &'a [[i32; 3]],
+    pub names: &'a [u32],
+    /// The layer.
+    pub wedges: &'a Wedges,
+    /// The vertex, its plane, and the elements around it.
+    pub patch: &'a Patch,
+    pub frame: &'a Frame,
+    pub spokes: &'a [Spoke],
 }
 
-/// `2 log2`, from the leading bit and the one below it.
-#[inline]
-fn half_octaves(x: i64) -> usize {
-    let b = 63 - (x.max(1) as u64).leading_zeros() as usize;
-    2 * b + if b > 0 { (x >> (b - 1)) as usize & 1 } else { 0 }
+impl Sight<'_> {
+    /// Sums over the corners around the vertex that see wedge `w`.
+    fn gather(&self, w: u32) -> Sums {
+        let mut s = Sums::default();
+        let wedges = self.wedges;
+        let width = wedges.width;
+        let own = wedges.value(w);
+        let mut add = |corner: u32| {
+            let at = self.positions[self.names[corner as usize] as usize];
+            let r: [i64; 3] = std::array::from_fn(|k| at[k] as i64 - self.patch.at[k] as i64);
+            let (x, y) = self.frame.place(r, self.patch.mean);
+            s.n += 1;
+            s.xx += x * x;
+            s.xy += x * y;
+            s.yy += y * y;
+            let value = wedges.value(wedges.corner[corner as usize]);
+            for c in 0..width {
+                let u = (value[c] as i64 - own[c] as i64).clamp(-STEEP, STEEP);
+                s.xu[c] += x * u;
+                s.yu[c] += y * u;
+                s.uu[c] += u * u;
+            }
+        };
+        for spoke in self.spokes.iter().take(LOOK) {
+            if wedges.corner[spoke.own as usize] == w {
+                add(spoke.next);
+                if spoke.prev != spoke.next {
+                    add(spoke.prev);
+                }
+            }
+        }
+        s
+    }
 }
 
 /// Code the difference of the values of a split's children, whose parent has wedge `w`.
-#[allow(clippy::too_many_arguments)]
-pub fn code_pair<C: Coder>(
-    coder: &mut C,
-    m: &mut ValueModels,
-    positions: &[[i32; 3]],
-    names: &[u32],
-    layer: &Wedges,
-    patch: &Patch,
-    frame: &Frame,
-    spokes: &[Spoke],
-    w: u32,
-    difference: Value,
-) -> Value {
-    let width = layer.width;
-    let s = gather(positions, names, layer, patch, frame, spokes, w);
+pub fn code_pair<C: Coder>(coder: &mut C, m: &mut ValueModels, sight: &Sight, w: u32, difference: Value) -> Value {
+    let Sight { wedges, patch, frame, .. } = *sight;
+    let width = wedges.width;
+    let s = sight.gather(w);
     let open = (patch.around.shape != super::super::around::Shape::Closed) as usize;
     // Where all values around are equal, so are mostly those of the children.
     if s.uu == [0; WIDTH] && coder.bit(&mut m.still[open], difference == [0; WIDTH]) {
@@ -320,26 +312,21 @@ pub fn code_pair<C: Coder>(
 }
 
 /// Code the value at a neighbour of the vertex, whose ring vector is `r`, by the fit around wedge `w`.
-#[allow(clippy::too_many_arguments)]
 pub fn code_reach<C: Coder>(
     coder: &mut C,
     m: &mut ValueModels,
-    positions: &[[i32; 3]],
-    names: &[u32],
-    layer: &Wedges,
-    patch: &Patch,
-    frame: &Frame,
-    spokes: &[Spoke],
+    sight: &Sight,
     w: u32,
     r: [i64; 3],
     value: Value,
 ) -> Value {
-    let s = gather(positions, names, layer, patch, frame, spokes, w);
+    let Sight { wedges, patch, frame, .. } = *sight;
+    let s = sight.gather(w);
     let fit = Fit::new(&s);
     let (x, y) = frame.place(r, patch.mean);
-    let own = layer.value(w);
+    let own = wedges.value(w);
     let mut out = [0i32; WIDTH];
-    for c in 0..layer.width {
+    for c in 0..wedges.width {
         let (along, across, rough) = fit.component(&s, c);
         let mu = ((along * x as i128 + across * y as i128) >> 8).clamp(-(1 << 33), 1 << 33) as i64;
         let k = &mut m.component[c];
