@@ -190,33 +190,32 @@ fn refine_layer(coarse: Wedges, changes: &WedgeBatch, ground: Ground, batch: &Ba
                 continue;
             }
             let own = &old[faces.start[e as usize] as usize..faces.start[e as usize + 1] as usize];
-            match touched[e as usize].checked_sub(1) {
-                None => out.copy_from_slice(own),
-                Some(entry) => {
-                    let coarse = faces.get(e);
-                    let side = batch.sides[entry as usize];
-                    let second = match side {
-                        Side::One | Side::Two => None,
-                        Side::Grow12 | Side::Grow21 => {
-                            let at = changes.grown.binary_search_by_key(&entry, |g| g.0);
-                            Some(at.map_or(NONE, |at| changes.grown[at].1))
-                        }
-                    };
-                    let one = changes.star[entry as usize];
-                    let mut k = 0;
-                    for (&x, &w) in coarse.iter().zip(own) {
-                        if !splits[x as usize] {
-                            out[k] = w;
-                            k += 1;
-                            continue;
-                        }
-                        match (side, second) {
-                            (Side::Grow21, Some(two)) => out[k..k + 2].copy_from_slice(&[name(two), name(one)]),
-                            (_, Some(two)) => out[k..k + 2].copy_from_slice(&[name(one), name(two)]),
-                            (_, None) => out[k] = name(one),
-                        }
-                        k += 1 + second.is_some() as usize;
-                    }
+            let Some(entry) = touched[e as usize].checked_sub(1) else {
+                match (own, &mut *out) {
+                    (&[a, b, c], [x, y, z]) => (*x, *y, *z) = (a, b, c),
+                    (own, out) => out.copy_from_slice(own),
+                }
+                continue;
+            };
+            let (coarse, side) = (faces.get(e), batch.sides[entry as usize]);
+            let one = name(changes.star[entry as usize]);
+            if matches!(side, Side::One | Side::Two) {
+                for ((out, &x), &w) in out.iter_mut().zip(coarse).zip(own) {
+                    *out = if splits[x as usize] { one } else { w };
+                }
+                continue;
+            }
+            let at = changes.grown.binary_search_by_key(&entry, |g| g.0);
+            let two = name(at.map_or(NONE, |at| changes.grown[at].1));
+            let pair = if side == Side::Grow21 { [two, one] } else { [one, two] };
+            let mut k = 0;
+            for (&x, &w) in coarse.iter().zip(own) {
+                if splits[x as usize] {
+                    out[k..k + 2].copy_from_slice(&pair);
+                    k += 2;
+                } else {
+                    out[k] = w;
+                    k += 1;
                 }
             }
         }

@@ -24,8 +24,10 @@ pub struct SimplifyOptions {
     pub alpha: u8,
     /// See `alpha`, in 1/256.
     pub alpha_share: u32,
-    /// Deferred precision: the mean edge has about this many steps of a level.
+    /// Deferred precision: the mean edge has about this many steps of a level, where the level has at most an eighth of the vertices.
     pub edge_steps: u32,
+    /// The same on finer levels.
+    pub fine_edge_steps: u32,
     /// Layers whose seams weights protect (texture coordinates); labels always count.
     pub seams: Vec<usize>,
 }
@@ -38,6 +40,7 @@ impl Default for SimplifyOptions {
             alpha: 20,
             alpha_share: 26,
             edge_steps: 32,
+            fine_edge_steps: 128,
             seams: Vec::new(),
         }
     }
@@ -130,10 +133,13 @@ pub fn simplify_on(
         }
         let edge_steps = mean_edge(&level.positions, &level.faces) >> 8;
         let mut shift = level.shift;
+        // Where most of the vertices are, bits that come raw cost more than they save, and values of attributes are told from positions.
+        let coarse = (n - edges.len()) as u64 * 8 <= total as u64;
+        let least = if coarse { options.edge_steps } else { options.fine_edge_steps };
         // Borders that must not move cannot lose bits either: the tile beside this one would lose others.
         while !options.lock_borders
             && !level.faces.is_empty()
-            && (edge_steps >> (shift - level.shift)) >= 2 * options.edge_steps as i64
+            && (edge_steps >> (shift - level.shift)) >= 2 * least as i64
             && shift < level.shift + 8
         {
             shift += 1;

@@ -186,7 +186,9 @@ pub fn replay(
             named.push((reader.named, fresh_wedges(&part, scheme)));
             batch = part;
             let fine = n + batch.len() + batch.births.len();
-            let end = b == 0 || (fine >= SMALL && fine * 12 >= *from * growth(slots)) || segments(fine) > 1;
+            // Bits that come back raw are for those who go on.
+            let bits = b > 0 && history.batches[b - 1].shift < stored.shift;
+            let end = b == 0 || (fine >= SMALL && (bits || fine * 12 >= *from * growth(slots))) || segments(fine) > 1;
             if end {
                 let first = *first;
                 let coder = std::mem::take(coder);

@@ -1,5 +1,6 @@
 //! Which wedges the corners around the children of a split get.
 
+use super::super::around::Shape;
 use super::super::patch::{Patch, View};
 use super::super::range::{Bit, Coder};
 use super::super::segment::{Nonsense, Source};
@@ -87,10 +88,15 @@ pub fn code_attributes<C: Coder, S: Source>(
     spokes.extend(patch.around.spokes.iter().map(|s| {
         let f = star[s.place as usize];
         let (start, end) = (faces.start[f as usize], faces.start[f as usize + 1]);
-        let c = faces.get(f);
-        let own = start + c.iter().position(|&x| x == patch.vertex).unwrap_or(0) as u32;
+        let v = patch.vertex;
+        let at = match faces.get(f) {
+            // Which corner it is cannot be guessed.
+            &[_, b, c] => (b == v) as u32 + 2 * (c == v) as u32,
+            corners => corners.iter().position(|&x| x == v).unwrap_or(0) as u32,
+        };
+        let own = start + at;
         let next = if own + 1 == end { start } else { own + 1 };
-        let prev = if own == start { end - 1 } else { own - 1 };
+        let prev = if at == 0 { end - 1 } else { own - 1 };
         Spoke { place: s.place, own, next, prev }
     }));
     let many = split.triangles.len() > MANY;
@@ -112,7 +118,18 @@ pub fn code_attributes<C: Coder, S: Source>(
             return;
         };
         let x = triangle.apex;
-        if many {
+        let around = &patch.around;
+        if around.shape != Shape::General {
+            // Element `k` of a fan runs from edge `k` to edge `k + 1`.
+            let Some(k) = around.ring.iter().position(|&y| y == x) else { return };
+            let n = spokes.len();
+            let before = if k > 0 { Some(k - 1) } else { (around.shape == Shape::Closed).then_some(n - 1) };
+            let before = before.map(|b| (b as u32, spokes[b].prev));
+            let behind = spokes.get(k).map(|s| (k as u32, s.next));
+            // In order of elements.
+            let (one, two) = if k > 0 { (before, behind) } else { (behind, before) };
+            adjacent.extend(one.into_iter().chain(two));
+        } else if many {
             let from = index.partition_point(|e| e.0 < x);
             adjacent.extend(index[from..].iter().take_while(|e| e.0 == x).take(NEAR).map(|e| (e.1, e.2)));
         } else {
@@ -216,6 +233,10 @@ impl<C: Coder> Job<'_, C> {
     }
 
     pub(super) fn own_value(&self, w: u32) -> Value {
+        // Nearly always two components: no copy of a length to be found out.
+        if let &[a, b] = self.sight.wedges.value(w) {
+            return [a, b, 0, 0];
+        }
         let mut out = [0; WIDTH];
         out[..self.sight.wedges.width].copy_from_slice(self.sight.wedges.value(w));
         out
@@ -349,6 +370,12 @@ impl<C: Coder> Job<'_, C> {
             *g = Group::of(g.w);
         }
         s.locals.clear();
+        // Most splits: no seams, few triangles, of which all continue the only element there is to continue.
+        let few = inserted == triangles && inserted == s.listed.len() && inserted <= KEPT && torn == 0;
+        if regular && few && s.groups.len() == 1 && !s.group_of.contains(&NONE) {
+            self.plain(s, inserted);
+            return self.settle(s, source, out, true);
+        }
         for t in 0..n {
             let g = s.group_of[t];
             if g == NONE {
@@ -429,5 +456,30 @@ impl<C: Coder> Job<'_, C> {
             }
         }
         self.settle(s, source, out, regular)
+    }
+
+    /// The corners of a regular split without seams, of which all elements have values: a wedge for each child.
+    fn plain(&mut self, s: &mut LayerScratch, inserted: usize) {
+        let mut of = [NONE; 2];
+        let mut local = |s: &mut LayerScratch, child: usize, key: u32| {
+            if of[child] == NONE {
+                of[child] = push_local(s, 0, child, key);
+            }
+            of[child]
+        };
+        for t in 0..self.sight.spokes.len() {
+            let keys = self.key(t);
+            let children = Self::children(self.side(t));
+            for child in 0..2 {
+                if children[child] {
+                    s.star[t][child] = local(s, child, if children[0] { keys[child] } else { keys[0] });
+                }
+            }
+        }
+        for t in 0..inserted {
+            let keys = self.inserted_key(t);
+            let [one, two] = [0, 1].map(|child| local(s, child, keys[child]));
+            s.inserted[t] = [one, two, s.listed[t].apex];
+        }
     }
 }

@@ -5,6 +5,7 @@
 //! along the difference of the children it says how much the values differ. How well it fits around says how far to trust it. The same serves
 //! normals, colours and scalars: a learned fraction shrinks the prediction where it does not help.
 
+use super::super::around::Shape;
 use super::super::density::{Density, MIN_SPREAD, Q};
 use super::super::patch::{Patch, length};
 use super::super::range::{Bit, Coder};
@@ -49,6 +50,31 @@ impl Ratio {
     }
 }
 
+/// Sums for the fraction of what a fit says that is to be believed.
+#[derive(Clone, Copy, Debug)]
+struct Fraction {
+    along: i64,
+    square: i64,
+}
+
+impl Fraction {
+    /// In 1/4096.
+    fn get(&self) -> i64 {
+        (self.along << 12) / self.square.max(1)
+    }
+
+    /// Follow a difference, of which the fit said `full`, both in 1/256, over the larger of `full` and what is rough.
+    fn learn(&mut self, value: i64, full: i64, rough: i64) {
+        let scale = full.abs().max(rough);
+        let scaled = |x: i64| ((x << 8) / scale).clamp(-(1 << 12), 1 << 12);
+        let (x, y) = (scaled(value), scaled(full));
+        self.along += ((x * y) >> 4) - (self.along >> 8);
+        self.square += ((y * y) >> 4) - (self.square >> 8);
+        self.square = self.square.max(1 << 8);
+        self.along = self.along.clamp(0, self.square + (self.square >> 2));
+    }
+}
+
 /// What a value that no fit suggests is told from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Far {
@@ -69,9 +95,7 @@ const KINDS: usize = 4;
 struct Component {
     ratio: [[Ratio; SHAPES]; SIZES],
     overall: u32,
-    /// Sums for the fraction of the prediction.
-    along: i64,
-    square: i64,
+    fraction: [[Fraction; 3]; 2],
     /// Sums for what the component before says about this one.
     cross: i64,
     cross_square: i64,
@@ -89,8 +113,7 @@ impl Default for Component {
         Component {
             ratio: [[Ratio::default(); SHAPES]; SIZES],
             overall: 1500,
-            along: 62 << 8,
-            square: 64 << 8,
+            fraction: [[Fraction { along: 63 << 8, square: 64 << 8 }; 3]; 2],
             cross: 0,
             cross_square: 1 << 16,
             density: Default::default(),
@@ -126,7 +149,7 @@ pub struct Frame {
     pub delta: [i32; 3],
     along: [i64; 3],
     across: [i64; 3],
-    /// How far the children are apart in the plane, in 1/64 mean edge.
+    /// How far the children are apart in the plane, in 1/4096 mean edge.
     apart: i64,
     /// 2^40 over the mean edge.
     inverse: i64,
@@ -153,59 +176,135 @@ impl Frame {
             20..=27 => 2,
             _ => 3,
         };
-        Frame { delta, along, across: cross(n, along).map(|c| c >> 14), apart: reach * inverse >> 34, inverse, wide }
+        Frame { delta, along, across: cross(n, along).map(|c| c >> 14), apart: reach * inverse >> 28, inverse, wide }
     }
 
-    /// Coordinates of a ring vector in the plane, in 1/64 mean edge, within ±2^11.
+    /// Coordinates of a ring vector in the plane, in 1/256 mean edge, within ±2^13.
     #[inline]
     fn place(&self, r: [i64; 3], mean: i64) -> (i64, i64) {
-        let clamp = |x: i64| ((x >> 6).clamp(-32 * mean, 32 * mean) * self.inverse) >> 34;
+        let clamp = |x: i64| ((x >> 6).clamp(-32 * mean, 32 * mean) * self.inverse + (1 << 31)) >> 32;
         (clamp(dot(r, self.along)), clamp(dot(r, self.across)))
     }
 }
 
-/// Sums of the least-squares fit of a linear map over the corners of one wedge.
+/// Terms of the fit, in the order in which they are eliminated: `y`, `x²`, `xy`, `y²`, `x`, all of length 256 at a mean edge.
+const TERMS: usize = 5;
+
+/// The terms at a place.
+#[inline]
+fn terms(x: i64, y: i64) -> [i64; TERMS] {
+    [y, x * x >> 8, x * y >> 8, y * y >> 8, x]
+}
+
+/// Sums of the least-squares fit of a quadratic map, through the vertex itself, over the corners of one wedge.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     n: i64,
-    xx: i64,
-    xy: i64,
-    yy: i64,
-    xu: [i64; WIDTH],
-    yu: [i64; WIDTH],
+    /// Products of two terms, by the powers of `x` and `y` in them: 20, 11, 02; 30, 21, 12, 03; 40, 31, 22, 13, 04.
+    moments: [i64; 12],
+    /// Products of the terms with the values.
+    values: [[i64; TERMS]; WIDTH],
     uu: [i64; WIDTH],
 }
 
-/// The solution of the normal equations.
+impl Sums {
+    /// A corner at `(x, y)` whose value differs by `u`, by component.
+    #[inline]
+    fn add(&mut self, (x, y): (i64, i64), u: impl Iterator<Item = i64>) {
+        let t = terms(x, y);
+        let [_, xx, xy, yy, _] = t;
+        self.n += 1;
+        let products =
+            [x * x, x * y, y * y, x * xx, y * xx, x * yy, y * yy, xx * xx, xx * xy, xx * yy, xy * yy, yy * yy];
+        for (sum, product) in self.moments.iter_mut().zip(products) {
+            *sum += product;
+        }
+        for ((sums, uu), u) in self.values.iter_mut().zip(&mut self.uu).zip(u) {
+            let u = u.clamp(-STEEP, STEEP);
+            for (sum, t) in sums.iter_mut().zip(t) {
+                *sum += t * u;
+            }
+            *uu += u * u;
+        }
+    }
+}
+
+/// The normal equations, eliminated: `L D Lᵀ`.
 struct Fit {
-    xx: i128,
-    xy: i128,
-    yy: i128,
-    determinant: i128,
+    /// Below the diagonal, in 1/65536.
+    lower: [[i64; TERMS]; TERMS],
+    /// `2^62` over each pivot: divisions are slow.
+    inverse: [i64; TERMS],
+}
+
+#[inline]
+fn scaled(a: i64, b: i64) -> i64 {
+    (a as i128 * b as i128 >> 16) as i64
+}
+
+/// `a` over the pivot of `inverse`, in 1/65536.
+#[inline]
+fn over(a: i64, inverse: i64) -> i64 {
+    (a as i128 * inverse as i128 >> 46) as i64
 }
 
 impl Fit {
     fn new(s: &Sums) -> Self {
-        // A ridge of an eighth of the mean edge, so that few or aligned corners do no harm.
-        let ridge = (s.n + 1) << 6;
-        let (xx, xy, yy) = ((s.xx + ridge) as i128, s.xy as i128, (s.yy + ridge) as i128);
-        Fit { xx, xy, yy, determinant: (xx * yy - xy * xy).max(1) }
+        let [m20, m11, m02, m30, m21, m12, m03, m40, m31, m22, m13, m04] = s.moments;
+        // Ridges, so that few or aligned corners do no harm: 1/1024 of what one edge gives to the linear terms, 1/32 for the others.
+        let (linear, square) = ((s.n + 1) << 6, (s.n + 1) << 11);
+        let mut m = [
+            [m02 + linear, 0, 0, 0, 0],
+            [m21, m40 + square, 0, 0, 0],
+            [m12, m31, m22 + square, 0, 0],
+            [m03, m22, m13, m04 + square, 0],
+            [m11, m30, m21, m12, m20 + linear],
+        ];
+        let mut lower = [[0; TERMS]; TERMS];
+        let mut inverse = [0; TERMS];
+        for p in 0..TERMS {
+            inverse[p] = (1 << 62) / m[p][p].max(1);
+            let column: [i64; TERMS] = std::array::from_fn(|i| m[i][p]);
+            for i in p + 1..TERMS {
+                let l = over(column[i], inverse[p]);
+                lower[i][p] = l;
+                for j in p + 1..=i {
+                    m[i][j] = m[i][j].wrapping_sub(scaled(l, column[j]));
+                }
+            }
+        }
+        Fit { lower, inverse }
     }
 
-    /// The slopes of component `c` along and across, in 1/65536 over 1/64 mean edge, and how rough the fit is: the root mean square residual
-    /// in 1/256, plus what rounding alone makes of it.
-    fn component(&self, s: &Sums, c: usize) -> (i128, i128, i64) {
-        let (xu, yu) = (s.xu[c] as i128, s.yu[c] as i128);
-        let along = ((self.yy * xu - self.xy * yu) << 16) / self.determinant;
-        let across = ((self.xx * yu - self.xy * xu) << 16) / self.determinant;
-        let explained = (along * xu + across * yu) >> 16;
-        let rest = (s.uu[c] as i128 - explained).clamp(0, 1 << 54) as u64;
-        (along, across, (root((rest / s.n.max(1) as u64) << 8) << 4) as i64 + 64)
+    /// Forwards through the equations of component `c`: the last of its coefficients, that of `x`, and what stands for the others yet, in 1/65536
+    /// over 1/256 mean edge; and how rough the fit is: the root mean square residual in 1/256, plus what rounding alone makes of it.
+    fn component(&self, s: &Sums, c: usize) -> ([i64; TERMS], i64) {
+        let mut b = s.values[c];
+        let mut rest = s.uu[c];
+        let mut a = [0; TERMS];
+        for p in 0..TERMS {
+            a[p] = over(b[p], self.inverse[p]);
+            rest = rest.wrapping_sub(scaled(a[p], b[p]));
+            for i in p + 1..TERMS {
+                b[i] = b[i].wrapping_sub(scaled(self.lower[i][p], b[p]));
+            }
+        }
+        (a, (root((rest.clamp(0, 1 << 54) as u64 / s.n.max(1) as u64) << 8) << 4) as i64 + 64)
+    }
+
+    /// Back through them: all coefficients.
+    fn coefficients(&self, mut a: [i64; TERMS]) -> [i64; TERMS] {
+        for p in (0..TERMS).rev() {
+            for i in p + 1..TERMS {
+                a[p] = a[p].wrapping_sub(scaled(self.lower[i][p], a[i]));
+            }
+        }
+        a
     }
 }
 
 /// Differences of values enter the fit within ± this, so that sums stay in 64 bits.
-const STEEP: i64 = 1 << 24;
+const STEEP: i64 = 1 << 21;
 
 /// What one layer sees around the vertex that splits.
 #[derive(Clone, Copy)]
@@ -225,31 +324,28 @@ impl Sight<'_> {
     /// Sums over the corners around the vertex that see wedge `w`.
     fn gather(&self, w: u32) -> Sums {
         let mut s = Sums::default();
-        let wedges = self.wedges;
-        let width = wedges.width;
+        let Sight { wedges, patch, frame, spokes, .. } = *self;
         let own = wedges.value(w);
+        let difference = |corner: u32| {
+            let value = wedges.value(wedges.corner[corner as usize]);
+            value.iter().zip(own).map(|(&a, &b)| a as i64 - b as i64)
+        };
+        if patch.around.shape == Shape::Closed && spokes.iter().all(|spoke| wedges.corner[spoke.own as usize] == w) {
+            // Around a whole fan the next neighbours are all neighbours, whose vectors are known.
+            for (spoke, &r) in spokes.iter().zip(&patch.ring) {
+                s.add(frame.place(r, patch.mean), difference(spoke.next));
+            }
+            return s;
+        }
         let mut add = |corner: u32| {
             let at = self.positions[self.names[corner as usize] as usize];
-            let r: [i64; 3] = std::array::from_fn(|k| at[k] as i64 - self.patch.at[k] as i64);
-            let (x, y) = self.frame.place(r, self.patch.mean);
-            s.n += 1;
-            s.xx += x * x;
-            s.xy += x * y;
-            s.yy += y * y;
-            let value = wedges.value(wedges.corner[corner as usize]);
-            for c in 0..width {
-                let u = (value[c] as i64 - own[c] as i64).clamp(-STEEP, STEEP);
-                s.xu[c] += x * u;
-                s.yu[c] += y * u;
-                s.uu[c] += u * u;
-            }
+            let r = std::array::from_fn(|k| at[k] as i64 - patch.at[k] as i64);
+            s.add(frame.place(r, patch.mean), difference(corner));
         };
-        for spoke in self.spokes.iter().take(LOOK) {
-            if wedges.corner[spoke.own as usize] == w {
-                add(spoke.next);
-                if spoke.prev != spoke.next {
-                    add(spoke.prev);
-                }
+        for spoke in spokes.iter().take(LOOK).filter(|spoke| wedges.corner[spoke.own as usize] == w) {
+            add(spoke.next);
+            if spoke.prev != spoke.next {
+                add(spoke.prev);
             }
         }
         s
@@ -261,7 +357,7 @@ pub fn code_pair<C: Coder>(coder: &mut C, m: &mut ValueModels, sight: &Sight, w:
     let Sight { wedges, patch, frame, .. } = *sight;
     let width = wedges.width;
     let s = sight.gather(w);
-    let open = (patch.around.shape != super::super::around::Shape::Closed) as usize;
+    let open = (patch.around.shape != Shape::Closed) as usize;
     // Where all values around are equal, so are mostly those of the children.
     if s.uu == [0; WIDTH] && coder.bit(&mut m.still[open], difference == [0; WIDTH]) {
         return [0; WIDTH];
@@ -271,10 +367,18 @@ pub fn code_pair<C: Coder>(coder: &mut C, m: &mut ValueModels, sight: &Sight, w:
     // The residual of the component before, over its spread, in 1/64.
     let mut before = 0i64;
     for c in 0..width {
-        let (along, _, rough) = fit.component(&s, c);
+        let ([.., slope], rough) = fit.component(&s, c);
         let k = &mut m.component[c];
-        let full = (along * frame.apart as i128 >> 8).clamp(-(1 << 33), 1 << 33) as i64;
-        let fraction = (k.along << 12) / k.square.max(1);
+        let full = (slope as i128 * frame.apart as i128 >> 12).clamp(-(1 << 33), 1 << 33) as i64;
+        let trust = if full.abs() < 2 * rough {
+            0
+        } else if full.abs() < 8 * rough {
+            1
+        } else {
+            2
+        };
+        let believed = &mut k.fraction[open][trust];
+        let fraction = believed.get();
         let r = &mut k.ratio[half_octaves(rough >> 5).min(SIZES - 1)][frame.wide * 2 + open];
         let spread = r.spread(k.overall, rough);
         let slope = (k.cross << 12) / k.cross_square.max(1);
@@ -292,13 +396,7 @@ pub fn code_pair<C: Coder>(coder: &mut C, m: &mut ValueModels, sight: &Sight, w:
         // Follow what was seen.
         let error = (value as i64 * Q - mu).clamp(-(1 << 36), 1 << 36);
         r.learn(&mut k.overall, error, rough);
-        let scale = full.abs().max(rough);
-        let scaled = |x: i64| ((x << 8) / scale).clamp(-(1 << 12), 1 << 12);
-        let (x, y) = (scaled(value as i64 * Q), scaled(full));
-        k.along += ((x * y) >> 4) - (k.along >> 8);
-        k.square += ((y * y) >> 4) - (k.square >> 8);
-        k.square = k.square.max(1 << 8);
-        k.along = k.along.clamp(0, k.square + (k.square >> 2));
+        believed.learn(value as i64 * Q, full, rough);
         // Against the spread, without what the component before had said.
         let alone = error + (before * slope * (spread >> 6).max(1) >> 12);
         let now = ((alone << 6) / spread).clamp(-512, 512);
@@ -324,11 +422,13 @@ pub fn code_reach<C: Coder>(
     let s = sight.gather(w);
     let fit = Fit::new(&s);
     let (x, y) = frame.place(r, patch.mean);
+    let at = terms(x, y);
     let own = wedges.value(w);
     let mut out = [0i32; WIDTH];
     for c in 0..wedges.width {
-        let (along, across, rough) = fit.component(&s, c);
-        let mu = ((along * x as i128 + across * y as i128) >> 8).clamp(-(1 << 33), 1 << 33) as i64;
+        let (a, rough) = fit.component(&s, c);
+        let sum: i128 = fit.coefficients(a).iter().zip(at).map(|(&a, t)| a as i128 * t as i128).sum();
+        let mu = (sum >> 8).clamp(-(1 << 33), 1 << 33) as i64;
         let k = &mut m.component[c];
         let ratio = &mut k.reach[half_octaves(rough >> 5).min(SIZES - 1)];
         let spread = ratio.spread(k.reach_overall, rough);
