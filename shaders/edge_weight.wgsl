@@ -369,7 +369,7 @@ fn area(e0: vec3<f32>, e1: vec3<f32>) -> f32 {
 }
 
 /// Area after less area before: a small difference of large sums, so that their order shows. Drivers may turn `a + (b - c)`
-/// into `(a + b) - c`, and Mesa does.
+/// into `(a + b) - c`, as Mesa seems to.
 fn area_change() -> f32 {
     var change = 0.0;
     for (var i = 0u; i < triangle_count; i++) {

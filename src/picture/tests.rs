@@ -178,3 +178,23 @@ fn a_closed_surface_shows_no_holes_and_one_thread_draws_the_same() {
         }
     }
 }
+
+#[test]
+fn isolated_vertices_have_their_own_colours() {
+    let mut mesh = Mesh { positions: vec![[0.0; 3], [1.0, 1.0, 0.0]], ..Mesh::default() };
+    let plain = from_above(&mesh);
+    mesh.layers.push(Layer {
+        kind: LayerKind::Color,
+        width: 3,
+        stored: Stored::U8,
+        values: vec![0.0, 0.0, 1.0],
+        isolated: vec![[0, 0]],
+        ..Layer::default()
+    });
+    mesh.validate().unwrap();
+    let coloured = from_above(&mesh);
+    let changed: Vec<usize> =
+        (0..100 * 100).filter(|i| plain.rgb[3 * i..][..3] != coloured.rgb[3 * i..][..3]).collect();
+    assert!(!changed.is_empty() && changed.iter().all(|i| i / 100 > 50), "only the lower one: {changed:?}");
+    assert!(changed.iter().any(|i| coloured.rgb[3 * i + 2] > coloured.rgb[3 * i]));
+}
