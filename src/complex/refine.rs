@@ -61,12 +61,17 @@ pub fn refine(level: &Level, star: Star, batch: &Batch, bias: i32, wanted: Wante
         let level = Level { positions: Vec::new(), faces: Faces::new(), shift: batch.shift };
         return Refined { level, star_start: Vec::new(), parent: Vec::new(), element: Vec::new(), conflict: true };
     }
-    let sizes = if wanted.star { stars(&star, batch, &renumber, fine) } else { Vec::new() };
-    // Compensation looks at the stars.
-    let star = (batch.alpha > 0).then_some(star);
-    let ((faces, element), (positions, parent)) = par::join(
-        || elements(level, &marks, batch, &renumber, wanted.element),
-        || vertices(level, star, batch, &renumber, bias),
+    // Compensation looks at the stars, and so do those of the finer level.
+    let star = (batch.alpha > 0 || wanted.star).then_some(star);
+    let around = star.as_ref();
+    let (sizes, ((faces, element), (positions, parent))) = par::join(
+        || around.filter(|_| wanted.star).map_or(Vec::new(), |star| stars(star, batch, &renumber, fine)),
+        || {
+            par::join(
+                || elements(level, &marks, batch, &renumber, wanted.element),
+                || vertices(level, around, batch, &renumber, bias),
+            )
+        },
     );
     let level = Level { positions, faces, shift: batch.shift };
     Refined { level, star_start: sizes, parent, element, conflict: false }
@@ -125,7 +130,7 @@ fn stars(star: &Star, batch: &Batch, renumber: &[u32], fine: usize) -> Vec<u32> 
 /// Positions and parents.
 fn vertices(
     level: &Level,
-    star: Option<Star>,
+    star: Option<&Star>,
     batch: &Batch,
     renumber: &[u32],
     bias: i32,
@@ -161,7 +166,10 @@ fn vertices(
                 let p = level.positions[v];
                 if batch.vertex.get(i) == Some(&(v as u32)) {
                     let v = v as u32;
-                    let off = star.as_ref().map_or([0; 3], |star| compensation(level, star, &merged, v, batch.alpha));
+                    let off = match star {
+                        Some(star) if batch.alpha > 0 => compensation(level, star, &merged, v, batch.alpha),
+                        _ => [0; 3],
+                    };
                     let mid = [p[0].wrapping_sub(off[0]), p[1].wrapping_sub(off[1]), p[2].wrapping_sub(off[2])];
                     let (p1, p2) = children(mid, batch.delta[i], bias);
                     (place[to], place[to + 1]) = (p1, p2);
