@@ -11,6 +11,7 @@ use crate::metric::tests::{level_of, small_meshes};
 use crate::metric::{Class, Cpu, EdgeList, Evaluator, Fixed, Scale, Task, WeighInput};
 use crate::trace::Trace;
 use proptest::prelude::*;
+use std::sync::{LazyLock, Mutex, PoisonError};
 
 /// The device of the tests, or the news that there is none.
 pub(crate) fn test_device(options: DeviceOptions) -> Option<Device> {
@@ -477,11 +478,10 @@ proptest! {
         points in proptest::collection::vec([-20i32..20, -20i32..20, -20i32..20], 6..40),
         elements in proptest::collection::vec(proptest::collection::vec(0usize..1000, 2..7), 1..80),
     ) {
-        thread_local! {
-            static GPU: std::cell::RefCell<Option<(bool, GpuWeights)>> = std::cell::RefCell::new(
-                test_device(DeviceOptions::default()).map(|d| (exact(&d), GpuWeights::new(d).unwrap()))
-            );
-        }
+        // Never dropped: wgpu keeps notes of its own for each thread, which may be gone before those of a test.
+        static GPU: LazyLock<Mutex<Option<(bool, GpuWeights)>>> = LazyLock::new(|| {
+            Mutex::new(test_device(DeviceOptions::default()).map(|d| (exact(&d), GpuWeights::new(d).unwrap())))
+        });
         let mut faces = Faces::new();
         for e in &elements {
             let mut corners: Vec<u32> = Vec::new();
@@ -496,13 +496,12 @@ proptest! {
             }
         }
         let positions: Vec<[f32; 3]> = points.iter().map(|p| p.map(|c| c as f32)).collect();
-        GPU.with_borrow_mut(|gpu| {
-            if let Some((exact, gpu)) = gpu {
-                let (edges, by_cpu, _) = weights(&mut Cpu, &faces, &positions);
-                let (_, by_gpu, _) = weights(gpu, &faces, &positions);
-                assert_twins(*exact, "soup", &edges, &positions, &by_cpu, &by_gpu);
-            }
-        });
+        let mut gpu = GPU.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((exact, gpu)) = &mut *gpu {
+            let (edges, by_cpu, _) = weights(&mut Cpu, &faces, &positions);
+            let (_, by_gpu, _) = weights(gpu, &faces, &positions);
+            assert_twins(*exact, "soup", &edges, &positions, &by_cpu, &by_gpu);
+        }
     }
 }
 
