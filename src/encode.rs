@@ -249,8 +249,8 @@ pub fn encode_on(
         let lone = turn(&dressed.lone, &aside, &origins);
         let number = |v: u32| replayed.number[v as usize];
         let isolated = isolated(mesh, &dressed.isolated, scheme.widths.len(), &number);
-        let count = isolated.len();
-        let mut lone = Lone { isolated: columns(isolated, scheme.widths.len()), ..lone };
+        let count = isolated.first().map_or(0, Vec::len);
+        let mut lone = Lone { isolated, ..lone };
         let mut coder = range::Encoder::new();
         code_lone_values(&mut coder, &scheme, &coded_aside, count, &mut lone).map_err(ReplayError::Stream)?;
         let payload = coder.finish();
@@ -268,11 +268,6 @@ pub fn encode_on(
         appearance_bits = payload.len() as f64 * 8.0;
         // Behind the base: what is shown first has its materials.
         chunks.insert(1, Chunk::appearance(0, payload).with_memory(memory));
-        let count = mesh.appearance.images.len() as u32;
-        for (i, image) in mesh.appearance.images.iter().enumerate() {
-            image_bits += image.bytes.len() as f64 * 8.0;
-            chunks.push(Chunk::image(full_level, i as u32, count, image.bytes.clone()));
-        }
     }
     let mut announced = dressed.header;
     for (layer, &wedges) in announced.layers.iter_mut().zip(&replayed.wedges) {
@@ -302,8 +297,17 @@ pub fn encode_on(
             })
             .collect(),
     };
-    let bytes = container::write(&header, &chunks)?;
-    let payload: usize = chunks.iter().map(|c| c.payload.len()).sum();
+    let mut all: Vec<Chunk<&[u8]>> = chunks.iter().map(Chunk::borrowed).collect();
+    if header.attributes.appearance {
+        // Images go from the mesh into the file without a stop: they are often larger than all else.
+        let count = mesh.appearance.images.len() as u32;
+        for (i, image) in mesh.appearance.images.iter().enumerate() {
+            image_bits += image.bytes.len() as f64 * 8.0;
+            all.push(Chunk::image(full_level, i as u32, count, &image.bytes[..]));
+        }
+    }
+    let bytes = container::write_borrowed(&header, &all)?;
+    let payload: usize = all.iter().map(|c| c.payload.len()).sum();
     let account = replayed.account;
     let report = EncodeReport {
         vertices: slots,
@@ -373,10 +377,10 @@ fn turn(lone: &Lone, aside: &Faces, origins: &[Origin]) -> Lone {
     Lone { labels, corners: lone.corners.iter().map(corners).collect(), isolated: Vec::new() }
 }
 
-/// For each vertex that no element names, in the order of the full level, its values.
+/// For each layer the values of the vertices that no element names, in the order of the full level.
 fn isolated(
     mesh: &Mesh,
-    known: &[(u32, Vec<Option<Value>>)],
+    known: &[(u32, u32, Value)],
     layers: usize,
     number: &dyn Fn(u32) -> u32,
 ) -> Vec<Vec<Option<Value>>> {
@@ -385,16 +389,11 @@ fn isolated(
     let mut order: Vec<(u32, u32)> =
         (0..used.len() as u32).filter(|&v| !used[v as usize]).map(|v| (number(v), v)).collect();
     order.sort_unstable();
-    let values = |v: u32| match known.binary_search_by_key(&v, |k| k.0) {
-        Ok(i) => known[i].1.clone(),
-        Err(_) => vec![None; layers],
+    let value = |v: u32, layer: u32| {
+        let at = known.binary_search_by_key(&(v, layer), |k| (k.0, k.1)).ok()?;
+        known.get(at).map(|k| k.2)
     };
-    order.into_iter().map(|(_, v)| values(v)).collect()
-}
-
-/// Layer by layer instead of vertex by vertex.
-fn columns(rows: Vec<Vec<Option<Value>>>, layers: usize) -> Vec<Vec<Option<Value>>> {
-    (0..layers).map(|l| rows.iter().map(|r| r[l]).collect()).collect()
+    (0..layers as u32).map(|layer| order.iter().map(|&(_, v)| value(v, layer)).collect()).collect()
 }
 
 /// How far the points of elements that repeat a vertex are at most from vertices, or from the rest of the mesh.

@@ -6,6 +6,7 @@ mod common;
 
 use common::{Scratch, lodestream};
 use lodestream::generate;
+use lodestream::mesh::{Layer, LayerKind, Mesh, Stored};
 use lodestream::write::{self, WriteOptions};
 use serde_json::Value;
 use std::path::Path;
@@ -130,6 +131,48 @@ fn bad_files_cost_only_themselves() {
     assert_eq!(tree(&s.path("out")).len(), 27);
 }
 
+/// Texture coordinates, normals and colours for every vertex.
+fn dressed(mut mesh: Mesh) -> Mesh {
+    let layers = [("uv", LayerKind::Uv, 2), ("normal", LayerKind::Normal, 3), ("color", LayerKind::Color, 3)];
+    for (name, kind, width) in layers {
+        let unit = |p: &[f64; 3]| p.map(|x| (x - x.floor()).clamp(0.01, 1.0));
+        let values = mesh.positions.iter().flat_map(|p| unit(p).into_iter().take(width)).collect();
+        let (name, stored, corners) = (name.to_string(), Stored::F32, mesh.corners.clone());
+        mesh.layers.push(Layer { name, kind, width: width as u8, stored, values, corners, isolated: Vec::new() });
+    }
+    mesh
+}
+
+#[test]
+fn memory_is_foreseen_with_attributes_and_without() {
+    let s = Scratch::new("ingest-foreseen");
+    let plain = || generate::terrain(40_000, 1);
+    for (name, mesh, drop) in [
+        ("plain.ply", plain(), "none"),
+        ("plain.obj", plain(), "none"),
+        ("plain.stl", plain(), "none"),
+        ("dressed.ply", dressed(plain()), "none"),
+        ("dressed.glb", dressed(plain()), "none"),
+        ("dressed.obj", dressed(plain()), "none"),
+        ("dropped.ply", dressed(plain()), "all"),
+        ("mixed.ply", dressed(generate::mixed(150, 150, 1)), "none"),
+        ("cloud.ply", generate::point_cloud(60_000, 1), "none"),
+    ] {
+        write::write_path(s.path(name), &mesh, None, &WriteOptions::default()).unwrap();
+        let drop = if drop == "all" { "--drop all" } else { "" };
+        // Each in a run of its own, or the largest of them would be all that the system tells.
+        lodestream(s.folder(), &format!("ingest {name} -o out --jobs 1 --report report.json {drop}")).ok();
+        let report = report(&s);
+        let number = |key: &str| report["summary"][key].as_u64().unwrap() as f64 / 1e6;
+        let (foreseen, took) = (number("predicted_bytes"), number("peak_bytes"));
+        let off = foreseen / took - 1.0;
+        println!("{name}: {foreseen:.1} MB foreseen, {took:.1} MB taken ({:+.1} %)", 100.0 * off);
+        if took > 0.0 {
+            assert!(off.abs() < 0.25, "{name}: {foreseen:.1} MB foreseen, {took:.1} MB taken");
+        }
+    }
+}
+
 /// Start a run and kill it after so many milliseconds, unless it ends before.
 fn killed(folder: &Path, words: &str, after: u64) {
     let mut child = Command::new(env!("CARGO_BIN_EXE_lodestream"))
@@ -235,12 +278,33 @@ fn folders_and_files_without_permission_fail_alone() {
     assert_eq!(report(&s)["summary"]["failures"]["write"], 1);
     assert_eq!(report(&s)["summary"]["done"], 3);
     mode("raw/day-1/scan-001.obj", 0);
-    if std::fs::read(s.path("raw/day-1/scan-001.obj")).is_ok() {
-        println!("skipped: this user may read everything; the mode of a file binds it not");
-    } else {
-        let run = lodestream(s.folder(), "ingest raw -o out2 --report report.json");
-        assert_eq!(run.code, 3, "{}", run.stderr);
-        assert_eq!(report(&s)["summary"]["failures"]["permission"], 1);
+    std::fs::create_dir_all(s.path("out2")).unwrap();
+    std::fs::create_dir_all(s.path("locked")).unwrap();
+    mode("out2", 0o777);
+    mode("locked", 0o555);
+    // Modes do not bind root, who can be somebody else instead.
+    let root = std::fs::read(s.path("raw/day-1/scan-001.obj")).is_ok();
+    let run = |words: &str| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_lodestream"));
+        command.args(words.split_whitespace()).current_dir(s.folder());
+        if root {
+            std::os::unix::process::CommandExt::uid(&mut command, 65534);
+        }
+        command.output()
+    };
+    match run("ingest raw -o out2 --report out2/report.json") {
+        Err(e) => println!("skipped: root cannot start the program as another user here: {e}"),
+        Ok(done) => {
+            let said = String::from_utf8_lossy(&done.stderr);
+            assert_eq!(done.status.code(), Some(3), "{said}");
+            let told: Value = serde_json::from_slice(&std::fs::read(s.path("out2/report.json")).unwrap()).unwrap();
+            assert_eq!((&told["summary"]["failures"]["permission"], &told["summary"]["done"]), (&1.into(), &3.into()));
+            assert!(said.contains("day-1/scan-001.obj"), "{said}");
+            let refused = run("ingest raw -o locked").unwrap();
+            let said = String::from_utf8_lossy(&refused.stderr);
+            assert_eq!(refused.status.code(), Some(1), "{said}");
+            assert!(said.contains("locked") && said.to_lowercase().contains("permission"), "{said}");
+        }
     }
     mode("raw/day-1/scan-001.obj", 0o644);
 }

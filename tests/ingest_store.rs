@@ -111,3 +111,48 @@ fn a_store_that_hangs_is_given_up_in_time() {
     assert!(run.stdout.contains("failed: store"), "{}", run.stdout);
     assert!(start.elapsed().as_secs() < 60);
 }
+
+#[test]
+fn what_lies_beside_a_source_comes_along_and_large_outputs_are_complete_before_they_are_seen() {
+    let folder = common::Scratch::new("store-beside");
+    let bucket = Bucket::start();
+    let object =
+        b"mtllib ../looks/rock.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl x\nf 1/1 2/2 3/3\n";
+    // An image larger than what goes in one request travels as it is, and so makes a large output.
+    let mut image = b"\x89PNG\r\n\x1a\n".to_vec();
+    let mut random = generate::Random::new(3);
+    image.extend((0..66 << 17).flat_map(|_| random.bits().to_le_bytes()));
+    for (name, bytes) in [
+        ("rocks/rock.obj", object.to_vec()),
+        ("looks/rock.mtl", b"newmtl x\nmap_Kd big rock.png\n".to_vec()),
+        ("rocks/big rock.png", image),
+    ] {
+        let path = folder.path(&format!("raw/{name}"));
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, &bytes).unwrap();
+        bucket.put(&format!("raw/{name}"), bytes);
+    }
+    common::lodestream(folder.folder(), "ingest raw -o out").ok();
+    let local = std::fs::read(folder.path("out/rocks/rock.lods")).unwrap();
+    assert!(local.len() > 66 << 20, "the image is in the output: {} bytes", local.len());
+
+    bucket.fault(Fault::Part(2, 500));
+    let run = ingest(&bucket, "ingest s3://scans/raw -o s3://scans/out --retries 1 --retry-within 3");
+    assert_eq!(run.code, 3, "{}", run.stderr);
+    assert!(run.stderr.contains("s3://scans/out/rocks/rock.lods: the store failed"), "{}", run.stderr);
+    assert!(outputs(&bucket, "out/").is_empty(), "a part of an output is to be seen");
+    assert_eq!(bucket.open_uploads(), 0, "the upload that failed was not aborted");
+
+    bucket.heal();
+    let before = bucket.requests().len();
+    let run = ingest(&bucket, "ingest s3://scans/raw -o s3://scans/out --resume --verify").ok();
+    assert!(run.stdout.contains("1: 1 done"), "{}", run.stdout);
+    assert!(outputs(&bucket, "out/")["rocks/rock.lods"] == local, "the bucket gives other bytes than the folder");
+    assert_eq!(bucket.open_uploads(), 0);
+    let requests = &bucket.requests()[before..];
+    let writes: Vec<&str> =
+        requests.iter().filter(|r| r.starts_with('P')).map(|r| &r[..r.find(' ').unwrap()]).collect();
+    assert_eq!(writes, ["POST", "PUT", "PUT", "PUT", "POST"], "begun, three parts, completed last: {requests:?}");
+    let run = ingest(&bucket, "ingest s3://scans/raw -o s3://scans/out --resume").ok();
+    assert!(run.stdout.contains("1: 0 done, 1 skipped"), "{}", run.stdout);
+}

@@ -82,7 +82,7 @@ impl fmt::Display for Kind {
 
 /// A chunk on its way into a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Chunk {
+pub struct Chunk<B = Vec<u8>> {
     /// What it holds.
     pub kind: Kind,
     /// The first level that it serves.
@@ -97,10 +97,16 @@ pub struct Chunk {
     /// at most an eighth (and to at least 64) in the file.
     pub memory: u64,
     /// Its bytes.
-    pub payload: Vec<u8>,
+    pub payload: B,
 }
 
 impl Chunk {
+    /// The same with its bytes where they are.
+    pub(crate) fn borrowed(&self) -> Chunk<&[u8]> {
+        let &Chunk { kind, first_level, last_level, segment, segments, memory, ref payload } = self;
+        Chunk { kind, first_level, last_level, segment, segments, memory, payload }
+    }
+
     /// Level 0 and the levels coded with it, up to `last`.
     pub fn base(last: u32, payload: Vec<u8>) -> Self {
         Chunk { kind: Kind::Base, first_level: 0, last_level: last, segment: 0, segments: 1, memory: 0, payload }
@@ -140,16 +146,19 @@ impl Chunk {
         Chunk { kind: Kind::Appearance, ..Chunk::aside(level, payload) }
     }
 
-    /// Image `image` of `images`; `level` is the one that it stands behind.
-    pub fn image(level: u32, image: u32, images: u32, payload: Vec<u8>) -> Self {
-        Chunk { kind: Kind::Image, segment: image, segments: images, ..Chunk::aside(level, payload) }
-    }
-
     /// The same chunk, with its need for working memory stated.
     #[must_use]
     pub fn with_memory(mut self, bytes: u64) -> Self {
         self.memory = bytes;
         self
+    }
+}
+
+impl<B> Chunk<B> {
+    /// Image `image` of `images`; `level` is the one that it stands behind.
+    pub fn image(level: u32, image: u32, images: u32, payload: B) -> Self {
+        let (first_level, last_level) = (level, level);
+        Chunk { kind: Kind::Image, first_level, last_level, segment: image, segments: images, memory: 0, payload }
     }
 }
 

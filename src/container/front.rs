@@ -269,6 +269,10 @@ pub(super) fn verify(index: usize, info: &ChunkInfo, payload: &[u8]) -> Result<(
 /// # Errors
 /// What [`Front::parse`] would refuse, except for unknown features.
 pub fn write_front(header: &Header, chunks: &[Chunk]) -> Result<Vec<u8>, ContainerError> {
+    front_of(header, &chunks.iter().map(Chunk::borrowed).collect::<Vec<_>>())
+}
+
+fn front_of(header: &Header, chunks: &[Chunk<&[u8]>]) -> Result<Vec<u8>, ContainerError> {
     let mut infos = Vec::with_capacity(chunks.len());
     let mut offset = 0u64;
     for (index, chunk) in chunks.iter().enumerate() {
@@ -282,7 +286,7 @@ pub fn write_front(header: &Header, chunks: &[Chunk]) -> Result<Vec<u8>, Contain
             memory: memory_amount(memory_code(chunk.memory)),
             offset,
             length,
-            checksum: crc32fast::hash(&chunk.payload),
+            checksum: crc32fast::hash(chunk.payload),
         });
         offset = end_of(index, offset, length)?;
     }
@@ -316,10 +320,15 @@ pub fn write_front(header: &Header, chunks: &[Chunk]) -> Result<Vec<u8>, Contain
 /// # Errors
 /// As [`write_front`].
 pub fn write(header: &Header, chunks: &[Chunk]) -> Result<Vec<u8>, ContainerError> {
-    let mut file = write_front(header, chunks)?;
+    write_borrowed(header, &chunks.iter().map(Chunk::borrowed).collect::<Vec<_>>())
+}
+
+/// [`write`] of chunks whose bytes lie elsewhere, so that large ones (images) are not there twice.
+pub(crate) fn write_borrowed(header: &Header, chunks: &[Chunk<&[u8]>]) -> Result<Vec<u8>, ContainerError> {
+    let mut file = front_of(header, chunks)?;
     file.reserve_exact(chunks.iter().map(|c| c.payload.len()).sum());
     for chunk in chunks {
-        file.extend_from_slice(&chunk.payload);
+        file.extend_from_slice(chunk.payload);
     }
     Ok(file)
 }
@@ -335,14 +344,15 @@ pub fn with_chunk(file: &[u8], make: impl FnOnce(u32) -> Chunk) -> Result<Vec<u8
         Parsed::NeedBytes(need) => return Err(ContainerError::Truncated { have, need, exact: false, level: None }),
     };
     front.check_length(have)?;
+    let last = make(front.full_level());
     let mut chunks = Vec::with_capacity(front.chunks().len() + 1);
     for (index, &info) in front.chunks().iter().enumerate() {
-        let payload = front.payload(file, index)?.unwrap_or_default().to_vec();
+        let payload = front.payload(file, index)?.unwrap_or_default();
         let ChunkInfo { kind, first_level, last_level, segment, segments, memory, .. } = info;
         chunks.push(Chunk { kind, first_level, last_level, segment, segments, memory, payload });
     }
-    chunks.push(make(front.full_level()));
-    write(front.header(), &chunks)
+    chunks.push(last.borrowed());
+    write_borrowed(front.header(), &chunks)
 }
 
 /// The end of a chunk; files stay below 2^62 bytes.

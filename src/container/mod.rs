@@ -24,6 +24,8 @@ mod tests;
 pub use attributes::{AttributeHeader, Label, LayerHeader, MAX_LABELS, MAX_NAME};
 pub use chunk::{Chunk, ChunkInfo, FIRST_OPTIONAL_KIND, KIND_SOURCE, Kind};
 pub use error::{ContainerError, Place};
+#[cfg(feature = "encode")]
+pub(crate) use front::write_borrowed;
 pub use front::{Front, Parsed, with_chunk, write, write_front};
 pub use header::{AsideCounts, ErrorBound, Header, LevelInfo, MAX_COUNT, MAX_LEVELS, MAX_SHIFT};
 pub use reader::{Event, Reader};

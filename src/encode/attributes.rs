@@ -49,8 +49,8 @@ pub(super) struct Dressed {
     pub attributes: Attributes,
     /// Values outside the complex; elements aside in the order of the mesh.
     pub lone: Lone,
-    /// Vertices that no element names and that have values in some layer, with them.
-    pub isolated: Vec<(u32, Vec<Option<Value>>)>,
+    /// Values of vertices that no element names: vertex, layer, value, in increasing order.
+    pub isolated: Vec<(u32, u32, Value)>,
 }
 
 /// Which elements of the mesh are in the complex, and which travel aside, in order.
@@ -114,7 +114,6 @@ pub(super) fn dress(mesh: &Mesh, parts: &Parts, options: &EncodeOptions) -> Resu
         out.lone.labels = Vec::new();
     }
 
-    let mut isolated: Vec<(u32, usize, Value)> = Vec::new();
     for (l, layer) in mesh.layers.iter().enumerate() {
         if layer.name.len() > MAX_NAME {
             return Err(AttributeError::Name { layer: layer.name.chars().take(40).collect() });
@@ -151,15 +150,10 @@ pub(super) fn dress(mesh: &Mesh, parts: &Parts, options: &EncodeOptions) -> Resu
             aside.extend(layer.corners[own].iter().map(|&i| (i != NO_VALUE).then(|| values[i as usize])));
         }
         out.lone.corners.push(aside);
-        isolated.extend(layer.isolated.iter().map(|&[v, i]| (v, l, values[i as usize])));
+        out.isolated.extend(layer.isolated.iter().map(|&[v, i]| (v, l as u32, values[i as usize])));
     }
     out.scheme.presence = out.header.labels.iter().map(|l| l.layers).collect();
-    isolated.sort_unstable_by_key(|i| (i.0, i.1));
-    for run in isolated.chunk_by(|a, b| a.0 == b.0) {
-        let mut values = vec![None; mesh.layers.len()];
-        run.iter().for_each(|&(_, l, v)| values[l] = Some(v));
-        out.isolated.push((run[0].0, values));
-    }
+    out.isolated.sort_unstable_by_key(|i| (i.0, i.1));
     let bare = mesh.layers.is_empty() && out.header.labels.len() < 2;
     out.header.lone = (!parts.of_aside.is_empty() && !bare) || !out.isolated.is_empty();
     out.header.materials = mesh.appearance.materials.len() as u32;

@@ -11,7 +11,7 @@ use super::{Engines, Event, Observer, predict};
 use crate::compare;
 use crate::container::{Front, Parsed};
 use crate::decode::{DecodeOptions, Decoder, Step};
-use crate::encode::{self, EncodeError};
+use crate::encode::{self, EncodeError, Encoded};
 use crate::metric::Engine;
 use crate::read::{self, Format, ReadError, ReadErrorKind, ReadMesh, ReadOptions, Survey};
 use rayon::ThreadPool;
@@ -234,7 +234,7 @@ fn work(
         job.survey = read::survey(Cursor::new(&bytes), format).map_err(|e| Failure::reading(name, &e))?;
     }
     // Images beside the source are known only now.
-    let charge = predict::peak(&job.survey, bytes.len() as u64, beside.images);
+    let charge = predict::peak(&job.survey, bytes.len() as u64, beside.images, job.settings.drop, around.verify);
     if charge != job.charge {
         if charge > around.memory {
             return Err(too_large(name, charge, around.memory));
@@ -323,16 +323,21 @@ fn compute(
         _ => Failure::new(FailureKind::Encode, format!("{name}: {e}")),
     })?;
     let inside = |e: &dyn std::fmt::Display| Failure::new(FailureKind::Bug, format!("{name}: {e}; please report it"));
-    let stamped = stamp.attach(&encoded.bytes).map_err(|e| inside(&e))?;
-    job.record.levels = encoded.report.levels as u64;
-    if let Some(why) = &encoded.report.fallback {
+    let Encoded { bytes, map, report } = encoded;
+    // Images may be most of what is in memory: the mesh, the output and the stamped output never are there together, unless
+    // the mesh is needed again.
+    let again = around.verify.then_some((read, map));
+    let stamped = stamp.attach(&bytes).map_err(|e| inside(&e))?;
+    drop(bytes);
+    job.record.levels = report.levels as u64;
+    if let Some(why) = &report.fallback {
         job.record.warnings.push(format!("{why}; the processor weighed the edges instead"));
     }
-    job.record.device.clone_from(&encoded.report.weighed_by);
+    job.record.device.clone_from(&report.weighed_by);
     job.record.seconds.encode = since(clock);
-    if around.verify {
+    if let Some((read, map)) = &again {
         let clock = Instant::now();
-        verify(&stamped, &read, &encoded.map).map_err(|what| {
+        verify(&stamped, read, map).map_err(|what| {
             Failure::new(FailureKind::Verify, format!("{name}: the output is not the source: {what}; please report it"))
         })?;
         job.record.seconds.verify = since(clock);

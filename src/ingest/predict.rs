@@ -1,39 +1,68 @@
 //! What a file is going to take: bytes of memory at the peak, from a survey.
 //!
-//! The figures are measured, not derived: `cargo bench --bench ingest -- calibrate` prints what each file of a varied
-//! set took in a run of its own beside what is predicted here. `DESIGN.md`, "Ingest", has the table.
+//! The peak is in one of three moments, each held against the others: reading, with the file and the mesh in memory; the
+//! first collapses, with the mesh, several levels and their attributes; the end, with images in the mesh and in the output.
+//! The figures are measured, not derived: `cargo bench --bench ingest -- memory` prints what each file of a varied set took
+//! in a run of its own beside what is predicted here. `DESIGN.md`, "Ingest", has the table.
 
-use crate::read::Survey;
+use crate::read::{DropSet, Survey};
 
 /// Bytes of the mesh and the map, for each vertex, corner, element and record.
 const MESH: [u64; 4] = [24, 4, 4, 4];
+/// Bytes of the attributes of the mesh, for each number of a value and each corner of a layer.
+const LAYERS: [u64; 2] = [8, 4];
 /// Bytes at the peak of encoding a mesh, the mesh included: for each vertex and corner, and less for each element.
 const ENCODING: [u64; 2] = [150, 44];
 const LESS: u64 = 19;
 /// Bytes more for each isolated vertex: coding point sets takes more than collapsing them saves.
 const ISOLATED: u64 = 82;
+/// Bytes more for each corner of a layer, each number of a value as it is in the mesh, each wedge and each of its numbers.
+const ATTRIBUTES: [u64; 4] = [30, 8, 30, 4];
+/// The most wedges of a vertex in a layer, on average: where a file repeats a vertex more often, values repeat with it.
+const WEDGES: u64 = 3;
+/// Bytes more for each layer of an isolated vertex.
+const ISOLATED_VALUES: u64 = 10;
+/// Bytes for each of a JSON document: what is parsed from it is kept by the allocator, if not by the reader.
+const DOCUMENT: u64 = 6;
 /// Bytes of a table for welding, for each vertex.
 const WELD: u64 = 20;
+/// Bytes that are left of encoding when the output is put together, for each vertex.
+const HISTORY: u64 = 90;
 /// Vertices from which a file gets all cores to itself.
 pub const LARGE: u64 = 2_000_000;
 
-/// How often the bytes of an image are in memory at the end: in the mesh, in its chunk, in the output, in the stamped output.
-const IMAGE: u64 = 4;
-
 /// The peak of one file, beyond what the process takes without it. `stored`: bytes of the file as it is stored; `images`: of
-/// the images beside it.
-pub fn peak(s: &Survey, stored: u64, images: u64) -> u64 {
+/// the images beside it; `drop`: what is left out on reading; `verify`: whether the output is decoded and compared.
+pub fn peak(s: &Survey, stored: u64, images: u64, drop: DropSet, verify: bool) -> u64 {
     let dot = |a: &[u64], b: &[u64]| a.iter().zip(b).fold(0u64, |sum, (x, y)| sum.saturating_add(x.saturating_mul(*y)));
-    let mesh = dot(&MESH, &[s.vertices, s.corners, s.elements, s.records]);
+    let values = s.carried(drop);
+    let of_layers = values.layers.saturating_mul(s.corners);
+    let isolated = s.vertices.saturating_sub(s.corners);
+    let images = if drop.images || drop.materials { 0 } else { images.saturating_add(s.images) };
+    let mesh = dot(&MESH, &[s.vertices, s.corners, s.elements, s.records])
+        .saturating_add(dot(&LAYERS, &[values.numbers, of_layers]))
+        .saturating_add(images);
+
     let packed = if s.unpacked > stored { stored } else { 0 };
     let weld = if s.records > s.vertices { WELD.saturating_mul(s.vertices) } else { 0 };
     let reading = mesh.saturating_add(s.unpacked).saturating_add(packed).saturating_add(weld);
+
     // Records beside vertices stay in the map while the mesh is encoded.
     let records = MESH[3].saturating_mul(s.records.saturating_sub(s.vertices));
-    let isolated = ISOLATED.saturating_mul(s.vertices.saturating_sub(s.corners));
-    let encoding = dot(&ENCODING, &[s.vertices, s.corners]).saturating_sub(LESS.saturating_mul(s.elements));
-    let carried = IMAGE.saturating_mul(images.saturating_add(s.images));
-    reading.max(encoding.saturating_add(isolated).saturating_add(records)).saturating_add(carried)
+    let wedges = values.values.min(WEDGES.saturating_mul(values.layers).saturating_mul(s.vertices));
+    let width = if values.values > 0 { values.numbers.div_ceil(values.values) } else { 0 };
+    let of_wedges = [of_layers, values.numbers, wedges, wedges.saturating_mul(width)];
+    let encoding = dot(&ENCODING, &[s.vertices, s.corners])
+        .saturating_sub(LESS.saturating_mul(s.elements))
+        .saturating_add(dot(&ATTRIBUTES, &of_wedges))
+        .saturating_add(dot(&[ISOLATED, ISOLATED_VALUES], &[isolated, values.layers.saturating_mul(isolated)]))
+        .saturating_add(records)
+        .saturating_add(images);
+
+    // The output holds the images once more; verifying has it, what was pushed into a decoder, and the decoded mesh.
+    let copies = if verify { 3 } else { 1 };
+    let writing = dot(&[HISTORY, copies], &[s.vertices, images]).saturating_add(mesh);
+    reading.max(encoding).max(writing).saturating_add(DOCUMENT.saturating_mul(s.document))
 }
 
 /// The most vertices or corners that a file can have.

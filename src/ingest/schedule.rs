@@ -16,7 +16,6 @@ use super::{Event, Observer, OnError, Plan, Summary, predict};
 use crate::read::{self, Format, Survey};
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, sync_channel};
@@ -30,7 +29,7 @@ const SMALL: u64 = 1 << 20;
 /// Bytes of an object that a survey before fetching looks at.
 const HEAD: u64 = 1 << 18;
 /// Memory beside the jobs: stacks, lists, buffers.
-const ASIDE: u64 = 3 << 20;
+const ASIDE: u64 = 4 << 20;
 
 struct State {
     pending: BTreeMap<(u64, Reverse<u64>), Job>,
@@ -266,7 +265,7 @@ fn survey_all(shared: &Shared<'_>, receive: &Mutex<Receiver<Item>>) {
         let surveyed =
             catch_unwind(AssertUnwindSafe(|| survey(&item))).unwrap_or_else(|panic| Err(job::bug(&name, &*panic)));
         let (survey, stored) = surveyed.as_ref().map_or((Survey::default(), 0), |s| *s);
-        let charge = predict::peak(&survey, stored, 0);
+        let charge = predict::peak(&survey, stored, 0, item.settings.drop, shared.plan.verify);
         let mut record = Record::new(name.clone(), item.output.clone(), item.line, &survey, charge);
         record.bytes_in = stored;
         shared.found(survey.vertices);
@@ -313,9 +312,8 @@ fn survey(item: &Item) -> Result<(Survey, u64), Failure> {
     match &item.object {
         Object::Local(path) => {
             let work = || {
-                let file = File::open(path)?;
-                let size = file.metadata()?.len();
-                Ok((read::survey(file, format)?, size))
+                let size = path.metadata()?.len();
+                Ok((read::survey_path(path, format)?, size))
             };
             work().map_err(|e| Failure::reading(&name, &e))
         }

@@ -38,7 +38,7 @@ pub use error::{Place, ReadError, ReadErrorKind};
 pub(crate) use gltf::extensions_in;
 #[cfg(feature = "ingest")]
 pub(crate) use gltf::percent_decode;
-pub use survey::{Survey, survey, survey_head};
+pub use survey::{Survey, Values, survey, survey_head, survey_path};
 pub(crate) use warning::counted;
 pub use warning::{Layer, Warning};
 

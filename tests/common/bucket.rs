@@ -16,6 +16,8 @@ pub enum Fault {
     Status(u16, u64),
     /// Every `n`-th body is cut in its middle, and the connection with it.
     Cut(u64),
+    /// This part of every multipart upload is answered with this status.
+    Part(u32, u16),
     /// Bodies come in small pieces, each after so many milliseconds.
     Slow(u64),
 }
@@ -128,13 +130,7 @@ fn decode(text: &str) -> String {
 }
 
 fn tag(bytes: &[u8]) -> String {
-    format!("\"{:08x}-{}\"", crc32(bytes), bytes.len())
-}
-
-fn crc32(bytes: &[u8]) -> u32 {
-    bytes
-        .iter()
-        .fold(!0u32, |c, &b| (0..8).fold(c ^ u32::from(b), |c, _| c >> 1 ^ (0xedb8_8320 & (c & 1).wrapping_neg())))
+    format!("\"{:08x}-{}\"", crc32fast::hash(bytes), bytes.len())
 }
 
 struct Answer {
@@ -251,10 +247,18 @@ impl Inner {
                 )
             }
             ("PUT", Some(id)) => {
+                let number = query["partNumber"].parse().unwrap();
+                let refused = self.faults.iter().find_map(|f| match f {
+                    Fault::Part(part, status) if *part == number => Some(*status),
+                    _ => None,
+                });
+                if let Some(status) = refused {
+                    return answer(status, "<Error><Code>InternalError</Code></Error>");
+                }
                 let Some((_, parts)) = self.uploads.get_mut(&id) else { return answer(404, "") };
                 let mut reply = answer(200, "");
                 reply.headers.push(("ETag".to_string(), tag(&body)));
-                parts.insert(query["partNumber"].parse().unwrap(), body);
+                parts.insert(number, body);
                 reply
             }
             ("POST", Some(id)) => {

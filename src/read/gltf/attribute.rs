@@ -45,7 +45,7 @@ pub(super) struct Wanted {
 }
 
 /// What an attribute of that name means: kind, name of the layer, number of the set, components (0: any).
-fn meaning(name: &str) -> Option<(LayerKind, String, u64, u8)> {
+pub(in crate::read) fn meaning(name: &str) -> Option<(LayerKind, String, u64, u8)> {
     let numbered = |prefix: &str, plain: &str| {
         let n: u64 = name.strip_prefix(prefix)?.parse().ok()?;
         Some((if n == 0 { plain.to_string() } else { format!("{plain}{n}") }, n))

@@ -27,6 +27,8 @@ use super::error::{At, Fail, Place, ReadErrorKind, printable};
 use super::warning::{Layer, Warning};
 use super::{ReadMesh, ReadOptions};
 pub(crate) use appearance::extensions_in;
+pub(super) use attribute::meaning;
+
 use attribute::Wanted;
 use buffer::Buffers;
 #[cfg(feature = "ingest")]

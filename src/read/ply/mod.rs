@@ -24,7 +24,7 @@ use super::error::{At, Fail, Place, ReadErrorKind};
 use super::text::Cursor;
 use super::warning::{Layer, Warning};
 use super::{ReadMesh, ReadOptions};
-use crate::mesh::NO_VALUE;
+use crate::mesh::{LayerKind, NO_VALUE};
 use attributes::{Columns, FacePlan, VertexPlan};
 use header::{Element, Encoding, Header, Scalar};
 use source::{Ascii, Binary, Source};
@@ -98,6 +98,9 @@ pub(super) struct HeaderCounts {
     pub body: usize,
     /// Records, one a line, before those of the faces.
     pub lines_before_faces: u64,
+    /// Kind and width of the layers of vertices, and of those of corners.
+    pub layers: Vec<(LayerKind, u64)>,
+    pub face_layers: Vec<(LayerKind, u64)>,
     /// Bytes of all binary records without the items of face lists, and bytes of an item.
     fixed: Option<(u64, u64)>,
 }
@@ -122,13 +125,30 @@ pub(super) fn survey_header(head: &[u8]) -> Option<HeaderCounts> {
         ascii,
         body: c.offset(),
         lines_before_faces: 0,
+        layers: Vec::new(),
+        face_layers: Vec::new(),
         fixed: Some((0, 4)),
     };
+    // What finds the layers for reading finds them here.
+    let mut b = Builder::new(&ReadOptions::default(), false, 0);
+    let kinds = |b: &mut Builder| b.layers.drain(..).map(|l| (l.kind, u64::from(l.width))).collect::<Vec<_>>();
     for element in &header.elements {
         let count = element.count;
         match element.name {
-            "vertex" => counts.vertices = count,
-            "face" | "tristrips" => counts.faces = count,
+            "vertex" => {
+                counts.vertices = count;
+                if let [Some(x), Some(y), Some(z)] = ["x", "y", "z"].map(|name| element.scalar(name)) {
+                    VertexPlan::new(&mut b, element, [x, y, z]);
+                    counts.layers = kinds(&mut b);
+                }
+            }
+            "face" | "tristrips" => {
+                counts.faces = count;
+                if let ("face", Some(list)) = (element.name, element.list(&LIST_NAMES)) {
+                    FacePlan::new(&mut b, element, list);
+                    counts.face_layers = kinds(&mut b);
+                }
+            }
             "edge" => counts.edges = count,
             _ => {}
         }

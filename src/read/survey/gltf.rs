@@ -1,9 +1,14 @@
 //! glTF and GLB: the counts of accessors, and how many different positions there are.
 
+use std::collections::BTreeSet;
+use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
+use std::path::Path;
 
 use serde_json::Value;
 
+use super::super::gltf::meaning;
+use super::super::percent_decode;
 use super::Survey;
 use super::distinct::Distinct;
 
@@ -18,8 +23,8 @@ fn item<'a>(doc: &'a Value, list: &str, i: u64) -> Option<&'a Value> {
     doc.get(list)?.get(usize::try_from(i).ok()?)
 }
 
-/// The JSON of a document, and where the binary chunk begins.
-pub(super) fn document(input: &mut (impl Read + Seek), size: u64) -> io::Result<Option<(Value, u64)>> {
+/// The JSON of a document, where the binary chunk begins, and the bytes of the JSON.
+pub(super) fn document(input: &mut (impl Read + Seek), size: u64) -> io::Result<Option<(Value, u64, u64)>> {
     let mut head = [0u8; 20];
     input.seek(SeekFrom::Start(0))?;
     let mut have = 0;
@@ -37,7 +42,7 @@ pub(super) fn document(input: &mut (impl Read + Seek), size: u64) -> io::Result<
     input.seek(SeekFrom::Start(start))?;
     let mut text = Vec::new();
     input.take(length).read_to_end(&mut text)?;
-    Ok(serde_json::from_slice(&text).ok().map(|json| (json, start + length + 8)))
+    Ok(serde_json::from_slice(&text).ok().map(|json| (json, start + length + 8, length)))
 }
 
 /// Count the meshes of a document, each as often as nodes show it.
@@ -62,8 +67,10 @@ pub(super) fn counts(doc: &Value, mut distinct: impl FnMut(&Value) -> Option<u64
         let inside = int(image, "bufferView").and_then(|view| int(item(doc, "bufferViews", view)?, "byteLength"));
         s.images = s.images.saturating_add(inside.unwrap_or(0));
     }
+    let mut names: BTreeSet<&str> = BTreeSet::new();
     for (mesh, &times) in meshes.iter().zip(&shown) {
         let mut seen: Vec<u64> = Vec::new();
+        let mut seen_values: BTreeSet<(&str, u64)> = BTreeSet::new();
         for primitive in mesh.get("primitives").and_then(Value::as_array).unwrap_or(&empty) {
             let Some(at) = primitive.pointer("/attributes/POSITION").and_then(Value::as_u64) else { continue };
             let Some(accessor) = item(doc, "accessors", at) else { continue };
@@ -76,6 +83,22 @@ pub(super) fn counts(doc: &Value, mut distinct: impl FnMut(&Value) -> Option<u64
                 let different = distinct(accessor).unwrap_or(records).min(records);
                 s.records = s.records.saturating_add(times.saturating_mul(records));
                 s.vertices = s.vertices.saturating_add(times.saturating_mul(different));
+            }
+            for (name, number) in primitive.get("attributes").and_then(Value::as_object).into_iter().flatten() {
+                let (Some((kind, .., width)), Some(number)) = (meaning(name), number.as_u64()) else { continue };
+                let Some(accessor) = item(doc, "accessors", number) else { continue };
+                if !seen_values.insert((name, number)) {
+                    continue;
+                }
+                let components = match accessor.get("type").and_then(Value::as_str) {
+                    Some("SCALAR") => 1,
+                    Some("VEC2") => 2,
+                    Some("VEC3") => 3,
+                    _ => 4,
+                };
+                let width = if width > 0 { u64::from(width) } else { components };
+                let values = times.saturating_mul(int(accessor, "count").unwrap_or(0));
+                s.add(kind, u64::from(names.insert(name)), values, width);
             }
             let (elements, corners) = match int(primitive, "mode").unwrap_or(4) {
                 0 => (0, 0),
@@ -91,9 +114,9 @@ pub(super) fn counts(doc: &Value, mut distinct: impl FnMut(&Value) -> Option<u64
     s
 }
 
-/// Survey a document of which the binary chunk, if any, lies in the same stream.
-pub(super) fn survey(input: &mut (impl Read + Seek), size: u64) -> io::Result<Survey> {
-    let Some((doc, chunk)) = document(input, size)? else {
+/// Survey a document of which the binary chunk, if any, lies in the same stream; other buffers are looked for in `folder`.
+pub(super) fn survey(input: &mut (impl Read + Seek), size: u64, folder: Option<&Path>) -> io::Result<Survey> {
+    let Some((doc, chunk, length)) = document(input, size)? else {
         return Ok(Survey { unpacked: size, ..Survey::default() });
     };
     let mut outside = 0u64;
@@ -107,15 +130,19 @@ pub(super) fn survey(input: &mut (impl Read + Seek), size: u64) -> io::Result<Su
             return None;
         }
         let view = item(&doc, "bufferViews", int(accessor, "bufferView")?)?;
-        let buffer = int(view, "buffer")?;
-        if buffer != 0 || item(&doc, "buffers", 0)?.get("uri").is_some() {
-            return None;
-        }
         let stride = int(view, "byteStride").unwrap_or(12).max(12);
-        let start = chunk.checked_add(int(view, "byteOffset").unwrap_or(0))?;
-        let start = start.checked_add(int(accessor, "byteOffset").unwrap_or(0))?;
-        different(input, start, int(accessor, "count")?, stride).ok()
+        let start = int(view, "byteOffset").unwrap_or(0).checked_add(int(accessor, "byteOffset").unwrap_or(0))?;
+        let (number, count) = (int(view, "buffer")?, int(accessor, "count")?);
+        match item(&doc, "buffers", number)?.get("uri").and_then(Value::as_str) {
+            None if number == 0 => different(input, start.checked_add(chunk)?, count, stride).ok(),
+            Some(uri) if !uri.starts_with("data:") => {
+                let name = percent_decode(uri).unwrap_or_else(|| uri.to_string());
+                different(&mut File::open(folder?.join(name)).ok()?, start, count, stride).ok()
+            }
+            _ => None,
+        }
     });
+    s.document = length;
     s.unpacked = size.saturating_add(outside);
     s.images = s.images.min(s.unpacked);
     Ok(s)

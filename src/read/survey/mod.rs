@@ -8,10 +8,38 @@ mod distinct;
 mod gltf;
 mod text;
 
+use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::path::Path;
 
-use super::{Format, GZIP, ply};
+use super::{DropSet, Format, GZIP, ply};
+use crate::mesh::LayerKind;
 use distinct::Distinct;
+
+/// The kinds of layers in the order in which a survey counts them.
+const KINDS: [LayerKind; 5] =
+    [LayerKind::Uv, LayerKind::Normal, LayerKind::Tangent, LayerKind::Color, LayerKind::Scalar];
+
+/// The attributes of one kind.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Values {
+    /// Layers.
+    pub layers: u64,
+    /// Values of all layers.
+    pub values: u64,
+    /// Numbers of all values: two for each texture coordinate, three for each normal.
+    pub numbers: u64,
+}
+
+impl Values {
+    fn plus(self, other: Values) -> Values {
+        Values {
+            layers: self.layers.saturating_add(other.layers),
+            values: self.values.saturating_add(other.values),
+            numbers: self.numbers.saturating_add(other.numbers),
+        }
+    }
+}
 
 /// What reading a file is going to give.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -26,10 +54,39 @@ pub struct Survey {
     pub records: u64,
     /// Bytes of the file after unpacking, and of the buffers beside it.
     pub unpacked: u64,
+    /// Bytes of a JSON document that is parsed as a whole.
+    pub document: u64,
     /// Bytes of the images inside the file.
     pub images: u64,
+    /// Attributes, by the place of their kind in `KINDS`; see [`Survey::carried`].
+    pub(crate) attributes: [Values; 5],
     /// Whether the file itself was seen (or its header told all); else the counts are usual ones for its size.
     pub exact: bool,
+}
+
+impl Survey {
+    /// All attributes but those of kinds that are dropped.
+    pub fn carried(&self, drop: DropSet) -> Values {
+        let kept = KINDS.iter().zip(&self.attributes).filter(|(kind, _)| !drop.kind(**kind));
+        kept.fold(Values::default(), |sum, (_, values)| sum.plus(*values))
+    }
+
+    /// `layers` layers more, of `values` values of `width` numbers.
+    fn add(&mut self, kind: LayerKind, layers: u64, values: u64, width: u64) {
+        if let Some((_, own)) = KINDS.iter().zip(&mut self.attributes).find(|(k, _)| **k == kind) {
+            *own = own.plus(Values { layers, values, numbers: values.saturating_mul(width) });
+        }
+    }
+
+    /// What the header of a PLY says of attributes: as many values as vertices, or as corners.
+    fn add_ply(&mut self, header: &ply::HeaderCounts) {
+        for &(kind, width) in &header.layers {
+            self.add(kind, 1, self.vertices, width);
+        }
+        for &(kind, width) in &header.face_layers {
+            self.add(kind, 1, self.corners, width);
+        }
+    }
 }
 
 /// Bytes that the header of a PLY is looked for in.
@@ -39,7 +96,19 @@ const HEAD: usize = 1 << 16;
 ///
 /// # Errors
 /// Those of the reader; damaged content is not one.
-pub fn survey(mut input: impl Read + Seek, format: Format) -> io::Result<Survey> {
+pub fn survey(input: impl Read + Seek, format: Format) -> io::Result<Survey> {
+    survey_beside(input, format, None)
+}
+
+/// Survey a file by its path, with the buffers of a glTF beside it.
+///
+/// # Errors
+/// Those of opening and reading the file.
+pub fn survey_path(path: &Path, format: Format) -> io::Result<Survey> {
+    survey_beside(File::open(path)?, format, Some(path.parent().unwrap_or(Path::new(""))))
+}
+
+fn survey_beside(mut input: impl Read + Seek, format: Format, folder: Option<&Path>) -> io::Result<Survey> {
     let size = input.seek(SeekFrom::End(0))?;
     input.seek(SeekFrom::Start(0))?;
     let mut magic = Vec::with_capacity(2);
@@ -51,7 +120,7 @@ pub fn survey(mut input: impl Read + Seek, format: Format) -> io::Result<Survey>
         return Ok(stream(&mut unpacked, None, format).unwrap_or(Survey { unpacked: size, ..Survey::default() }));
     }
     match format {
-        Format::Gltf | Format::Glb => gltf::survey(&mut BufReader::with_capacity(1 << 16, input), size),
+        Format::Gltf | Format::Glb => gltf::survey(&mut BufReader::with_capacity(1 << 16, input), size, folder),
         _ => stream(&mut input, Some(size), format),
     }
 }
@@ -62,7 +131,7 @@ pub fn survey_head(head: &[u8], size: u64, format: Format) -> Survey {
         let unpacked = size.saturating_mul(packed);
         let vertices = unpacked / bytes_per_vertex;
         let (elements, corners) = (vertices.saturating_mul(2), vertices.saturating_mul(6));
-        Survey { vertices, elements, corners, records: vertices, unpacked, images: 0, exact: false }
+        Survey { vertices, elements, corners, records: vertices, unpacked, ..Survey::default() }
     };
     let per_vertex = match format {
         Format::Obj => 75,
@@ -80,15 +149,18 @@ pub fn survey_head(head: &[u8], size: u64, format: Format) -> Survey {
             if let Some((h, corners)) = told {
                 let edges = h.edges.min(size);
                 let (vertices, elements, corners) = (h.vertices, h.faces.saturating_add(edges), corners + 2 * edges);
-                return Survey {
+                let exact = true;
+                let mut s = Survey {
                     vertices,
                     elements,
                     corners,
                     records: vertices,
                     unpacked: size,
-                    images: 0,
-                    exact: true,
+                    exact,
+                    ..Survey::default()
                 };
+                s.add_ply(&h);
+                return s;
             }
         }
         Format::Stl if size.checked_sub(84).is_some_and(|body| body % 50 == 0) && !head.starts_with(b"solid") => {
@@ -100,12 +172,11 @@ pub fn survey_head(head: &[u8], size: u64, format: Format) -> Survey {
                 corners,
                 records: corners,
                 unpacked: size,
-                images: 0,
-                exact: false,
+                ..Survey::default()
             };
         }
         Format::Gltf | Format::Glb => {
-            if let Ok(Some((doc, _))) = gltf::document(&mut io::Cursor::new(head), head.len() as u64) {
+            if let Ok(Some((doc, ..))) = gltf::document(&mut io::Cursor::new(head), head.len() as u64) {
                 return Survey { unpacked: size, exact: false, ..gltf::counts(&doc, |_| None) };
             }
         }
@@ -141,22 +212,17 @@ fn stream(input: &mut dyn Read, size: Option<u64>, format: Format) -> io::Result
                 let edges = h.edges.min(unpacked);
                 let (vertices, elements) = (h.vertices.min(unpacked), h.faces.min(unpacked) + edges);
                 let corners = corners + 2 * edges;
-                Survey {
-                    vertices,
-                    elements,
-                    corners: corners.min(unpacked),
-                    records: vertices,
-                    unpacked,
-                    images: 0,
-                    exact: true,
-                }
+                let corners = corners.min(unpacked);
+                let mut s = Survey { vertices, elements, corners, records: vertices, unpacked, ..Survey::default() };
+                s.add_ply(&h);
+                s
             }
         },
         Format::Gltf | Format::Glb => {
             let mut all = head;
             input.read_to_end(&mut all)?;
             let size = all.len() as u64;
-            gltf::survey(&mut io::Cursor::new(all), size)?
+            gltf::survey(&mut io::Cursor::new(all), size, None)?
         }
     };
     survey.exact = true;
@@ -192,7 +258,8 @@ fn stl(input: &mut dyn Read, head: &[u8]) -> io::Result<Survey> {
     }
     let corners = 3 * faces;
     let vertices = places.count().min(corners);
-    Ok(Survey { vertices, elements: faces, corners, records: corners, unpacked: total, images: 0, exact: true })
+    let (elements, records, exact) = (faces, corners, true);
+    Ok(Survey { vertices, elements, corners, records, unpacked: total, exact, ..Survey::default() })
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use std::io::{self, Read};
 
 use super::Survey;
 use super::distinct::Distinct;
+use crate::mesh::LayerKind;
 
 /// Lines longer than this are looked at in pieces; only their count of corners suffers.
 const LONGEST: usize = 1 << 20;
@@ -66,10 +67,19 @@ fn first_number(line: &[u8]) -> Option<u64> {
 /// OBJ: counts of `v`, `f`, `l` and `p`.
 pub(super) fn obj(input: &mut dyn Read, head: &[u8]) -> io::Result<Survey> {
     let mut s = Survey::default();
+    let (mut uvs, mut normals, mut colours) = (0, 0, false);
     let total = lines(input, head, |line| {
         let line = trim(line);
         match line {
-            [b'v', b' ' | b'\t', ..] => s.vertices += 1,
+            [b'v', b' ' | b'\t', rest @ ..] => {
+                if s.vertices == 0 {
+                    // Three numbers of a place and three of a colour; the other vertices are as the first.
+                    colours = words(rest) >= 6;
+                }
+                s.vertices += 1;
+            }
+            [b'v', b't', b' ' | b'\t', ..] => uvs += 1,
+            [b'v', b'n', b' ' | b'\t', ..] => normals += 1,
             [b'f', b' ' | b'\t', rest @ ..] => {
                 s.elements += 1;
                 s.corners += words(rest);
@@ -82,6 +92,13 @@ pub(super) fn obj(input: &mut dyn Read, head: &[u8]) -> io::Result<Survey> {
             _ => {}
         }
     })?;
+    for (kind, count, width) in [
+        (LayerKind::Uv, uvs, 2),
+        (LayerKind::Normal, normals, 3),
+        (LayerKind::Color, if colours { s.vertices } else { 0 }, 3),
+    ] {
+        s.add(kind, u64::from(count > 0), count, width);
+    }
     s.records = s.vertices;
     s.unpacked = total;
     Ok(s)
@@ -92,6 +109,7 @@ pub(super) fn off(input: &mut dyn Read, head: &[u8]) -> io::Result<Survey> {
     let mut s = Survey::default();
     // 0: before the counts; then how many lines with vertices are still to come, and then faces.
     let (mut counted, mut vertices, mut faces) = (false, 0u64, 0u64);
+    let (mut normals, mut colours, mut uvs) = (false, false, false);
     let total = lines(input, head, |line| {
         let line = trim(line);
         if line.is_empty() || line[0] == b'#' {
@@ -100,7 +118,9 @@ pub(super) fn off(input: &mut dyn Read, head: &[u8]) -> io::Result<Survey> {
         if !counted {
             let mut numbers = line.split(|b| *b <= b' ').filter(|w| !w.is_empty());
             let mut first = numbers.next().unwrap_or_default();
-            if first.ends_with(b"OFF") {
+            if let Some(flags) = first.strip_suffix(b"OFF") {
+                (normals, colours) = (flags.contains(&b'N'), flags.contains(&b'C'));
+                uvs = flags.starts_with(b"ST");
                 first = numbers.next().unwrap_or_default();
             }
             let parse = |w: &[u8]| std::str::from_utf8(w).ok()?.parse::<u64>().ok();
@@ -119,6 +139,11 @@ pub(super) fn off(input: &mut dyn Read, head: &[u8]) -> io::Result<Survey> {
     // What is announced but not there is not going to be read.
     s.vertices -= vertices.min(s.vertices);
     s.elements -= faces.min(s.elements);
+    for (kind, there, width) in
+        [(LayerKind::Uv, uvs, 2), (LayerKind::Normal, normals, 3), (LayerKind::Color, colours, 4)]
+    {
+        s.add(kind, u64::from(there), if there { s.vertices } else { 0 }, width);
+    }
     s.records = s.vertices;
     s.unpacked = total;
     Ok(s)
@@ -139,7 +164,8 @@ pub(super) fn stl(input: &mut dyn Read, head: &[u8]) -> io::Result<Survey> {
         }
     })?;
     let vertices = places.count().min(corners);
-    Ok(Survey { vertices, elements: corners / 3, corners, records: corners, unpacked: total, images: 0, exact: true })
+    let (elements, records, exact) = (corners / 3, corners, true);
+    Ok(Survey { vertices, elements, corners, records, unpacked: total, exact, ..Survey::default() })
 }
 
 /// The body of an ASCII PLY: `skip` lines, then `faces` lines that begin with the number of their corners.
