@@ -36,7 +36,6 @@ pub(crate) use appearance::find_beside;
 pub(crate) use appearance::media_type;
 pub use error::{Place, ReadError, ReadErrorKind};
 pub(crate) use gltf::extensions_in;
-#[cfg(feature = "ingest")]
 pub(crate) use gltf::percent_decode;
 pub use survey::{Survey, Values, survey, survey_head, survey_path};
 pub(crate) use warning::counted;
