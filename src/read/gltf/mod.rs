@@ -31,7 +31,6 @@ pub(super) use attribute::meaning;
 
 use attribute::Wanted;
 use buffer::Buffers;
-#[cfg(feature = "ingest")]
 pub(crate) use buffer::percent_decode;
 use json::{list, text};
 use primitive::MeshPlan;
