@@ -176,15 +176,8 @@ fn kernels(mesh: &str, faces: &Faces, positions: &[[f32; 3]], names: &[String], 
     let runs = if smoke { 1 } else { 3 };
     let star = Star::build(positions.len(), faces);
     let edges = EdgeList::build(faces, &star);
-    let (none, scale, trace) = (EdgeList::default(), Scale::new(4000.0), Trace::off());
-    let task = Task {
-        level: WeighInput { faces, star: &star, positions, locked: None },
-        edges: &edges,
-        carried: None,
-        old: (&none, &[]),
-        scale: &scale,
-        trace: &trace,
-    };
+    let (scale, trace) = (Scale::new(4000.0), Trace::off());
+    let task = Task::first(WeighInput { faces, star: &star, positions, locked: None }, &edges, &scale, &trace);
     let mut push = |what, device: &str, items: usize, unit, (seconds, cpu_seconds)| {
         let (mesh, device, items) = (mesh.to_string(), device.to_string(), items as u64);
         rows.push(Row { mesh, what, device, items, unit, seconds, cpu_seconds });

@@ -76,28 +76,38 @@ fn sliver(before: f32, after: f32) -> bool {
     return after < SLIVER && after * 16.0 < before;
 }
 
+/// A surviving triangle: the corners that stay, seen from the new vertex and from the old one, and its normals before and after.
+struct Moved {
+    p: vec3<f32>,
+    q: vec3<f32>,
+    e0: vec3<f32>,
+    e1: vec3<f32>,
+    before: vec3<f32>,
+    after: vec3<f32>,
+}
+
+fn moved(t: u32) -> Moved {
+    let p = ring_at[t & 0xffu];
+    let q = ring_at[(t >> 8u) & 0xffu];
+    let c = end_of(t);
+    return Moved(p, q, p - c, q - c, cross3(p - c, q - c), cross3(p, q));
+}
+
 /// Whether a surviving triangle turns over or becomes a sliver.
 fn folds_triangles() -> bool {
     for (var i = 0u; i < triangle_count; i++) {
-        let t = triangles[i];
-        let p = ring_at[t & 0xffu];
-        let q = ring_at[(t >> 8u) & 0xffu];
-        let c = end_of(t);
-        let e0 = p - c;
-        let e1 = q - c;
-        let nb = cross3(e0, e1);
-        let na = cross3(p, q);
-        if dot3(nb, na) < 0.0 {
+        let t = moved(triangles[i]);
+        if dot3(t.before, t.after) < 0.0 {
             return true;
         }
-        let pq = q - p;
-        let i0 = inverse(dot3(p, p));
-        let least = smaller(smaller(i0, inverse(dot3(q, q))), inverse(dot3(pq, pq)));
-        let thin = dot3(na, na) * least * least;
+        let pq = t.q - t.p;
+        let i0 = inverse(dot3(t.p, t.p));
+        let least = smaller(smaller(i0, inverse(dot3(t.q, t.q))), inverse(dot3(pq, pq)));
+        let thin = dot3(t.after, t.after) * least * least;
         if thin < SLIVER && i0 > 0.0 {
-            let e2 = e1 - e0;
-            let longest = larger(larger(dot3(e0, e0), dot3(e1, e1)), dot3(e2, e2));
-            if sliver(shape(dot3(nb, nb), longest), thin) {
+            let e2 = t.e1 - t.e0;
+            let longest = larger(larger(dot3(t.e0, t.e0), dot3(t.e1, t.e1)), dot3(e2, e2));
+            if sliver(shape(dot3(t.before, t.before), longest), thin) {
                 return true;
             }
         }
@@ -116,28 +126,21 @@ fn folds_polygons() -> bool {
     var lb = 0.0;
     var la = 0.0;
     for (var i = 0u; i < triangle_count; i++) {
-        let t = triangles[i];
-        let p = ring_at[t & 0xffu];
-        let q = ring_at[(t >> 8u) & 0xffu];
-        let c = end_of(t);
-        let e0 = p - c;
-        let e1 = q - c;
-        let x = cross3(e0, e1);
-        let y = cross3(p, q);
-        let pq = p - q;
-        let mb = larger(larger(dot3(e0, e0), dot3(e1, e1)), dot3(pq, pq));
-        let ma = larger(larger(dot3(p, p), dot3(q, q)), dot3(pq, pq));
-        if (t & CONTINUES) != 0u {
-            nb = nb + x;
-            na = na + y;
+        let t = moved(triangles[i]);
+        let pq = t.p - t.q;
+        let mb = larger(larger(dot3(t.e0, t.e0), dot3(t.e1, t.e1)), dot3(pq, pq));
+        let ma = larger(larger(dot3(t.p, t.p), dot3(t.q, t.q)), dot3(pq, pq));
+        if (triangles[i] & CONTINUES) != 0u {
+            nb = nb + t.before;
+            na = na + t.after;
             lb = larger(lb, mb);
             la = larger(la, ma);
         } else {
             if bad(nb, na, lb, la) {
                 return true;
             }
-            nb = x;
-            na = y;
+            nb = t.before;
+            na = t.after;
             lb = mb;
             la = ma;
         }

@@ -269,15 +269,8 @@ fn weights(evaluator: &mut dyn Evaluator, faces: &Faces, positions: &[[f32; 3]])
     let star = Star::build(positions.len(), faces);
     let edges = EdgeList::build(faces, &star);
     let mut out = vec![Fixed::ILLEGAL; edges.len()];
-    let (none, scale, trace) = (EdgeList::default(), Scale::new(1000.0), Trace::off());
-    let task = Task {
-        level: WeighInput { faces, star: &star, positions, locked: None },
-        edges: &edges,
-        carried: None,
-        old: (&none, &[]),
-        scale: &scale,
-        trace: &trace,
-    };
+    let (scale, trace) = (Scale::new(1000.0), Trace::off());
+    let task = Task::first(WeighInput { faces, star: &star, positions, locked: None }, &edges, &scale, &trace);
     let weighed = evaluator.weigh(&task, &mut out).unwrap();
     (edges, out, weighed)
 }

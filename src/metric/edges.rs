@@ -26,6 +26,11 @@ pub struct EdgeList {
 }
 
 impl EdgeList {
+    /// No edges.
+    pub const fn none() -> Self {
+        EdgeList { start: Vec::new(), low: Vec::new(), high: Vec::new() }
+    }
+
     /// Collect the edges of a level: in parallel over vertices, each looking at its own star.
     pub fn build(faces: &Faces, star: &Star) -> Self {
         let vertices = star.start.len().saturating_sub(1);

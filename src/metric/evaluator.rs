@@ -75,7 +75,15 @@ pub struct Task<'a> {
     pub trace: &'a Trace,
 }
 
-impl Task<'_> {
+/// The edges of no level.
+static NO_EDGES: EdgeList = EdgeList::none();
+
+impl<'a> Task<'a> {
+    /// All edges of a level of which nothing is known yet.
+    pub fn first(level: WeighInput<'a>, edges: &'a EdgeList, scale: &'a Scale, trace: &'a Trace) -> Self {
+        Task { level, edges, carried: None, old: (&NO_EDGES, &[]), scale, trace }
+    }
+
     /// The weight of `{a, b}` (`a < b`) where it need not be weighed: it is that of the level before, or an end is locked.
     #[inline(always)]
     pub fn known(&self, a: u32, b: u32) -> Option<Fixed> {

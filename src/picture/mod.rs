@@ -11,12 +11,14 @@ mod material;
 mod raster;
 mod scene;
 mod texture;
+mod textures;
 mod vector;
 mod view;
 
 pub use raster::Cpu;
 pub use scene::Scene;
 pub use texture::{Pixels, decode};
+pub use textures::{Drawable, Textures};
 pub use view::View;
 
 use crate::mesh::Mesh;

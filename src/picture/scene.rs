@@ -5,9 +5,9 @@
 use super::Shading;
 use super::material::Material;
 use super::texture::{self, Texture, to_linear};
+use super::textures::Textures;
 use super::vector::{cross, normalized, sub};
 use crate::mesh::{Layer, LayerKind, Mesh, NO_VALUE, Stored};
-use crate::par;
 
 /// No normal, colour or texture coordinate of one's own.
 pub(super) const NONE: u32 = u32::MAX;
@@ -53,7 +53,7 @@ pub(super) struct Paint {
     pub(super) transform: Option<[[f32; 2]; 3]>,
     /// The image's texels in the unit square of texture coordinates.
     pub(super) texels: f64,
-    pub(super) images: std::sync::Arc<Vec<Option<Texture>>>,
+    pub(super) images: Textures,
     /// Without a material or colours: back faces show by their tint.
     pub(super) plain: bool,
 }
@@ -61,9 +61,21 @@ pub(super) struct Paint {
 impl Scene {
     /// Prepare a valid mesh ([`Mesh::validate`]). With [`Shading::Smooth`] normals of the file are used where there are some.
     pub fn new(mesh: &Mesh, shading: Shading) -> Self {
-        let mut scene = Builder::new(mesh, shading).run();
+        Scene::with_textures(mesh, shading, &Textures::new(&mesh.appearance))
+    }
+
+    /// The same with images that are decoded already.
+    pub fn with_textures(mesh: &Mesh, shading: Shading, textures: &Textures) -> Self {
+        let mut scene = Builder::new(mesh, shading, textures).run();
         scene.collect_lines(mesh, shading);
         scene
+    }
+
+    /// Paint with other images, the mesh being the same.
+    pub fn repaint(&mut self, mesh: &Mesh, textures: &Textures) {
+        let coloured = self.materials.first().is_some_and(|bare| !bare.plain);
+        self.materials = materials(mesh, coloured, textures).0;
+        self.warnings = textures.warnings().to_vec();
     }
 
     /// What could not be drawn as the mesh says, one line each: images that are missing or in other formats.
@@ -113,7 +125,7 @@ struct Builder<'a> {
 }
 
 impl<'a> Builder<'a> {
-    fn new(mesh: &'a Mesh, shading: Shading) -> Self {
+    fn new(mesh: &'a Mesh, shading: Shading, textures: &Textures) -> Self {
         let of = |kind: LayerKind, width: std::ops::RangeInclusive<u8>| {
             mesh.layers.iter().filter(move |l| l.kind == kind && width.contains(&l.width))
         };
@@ -121,7 +133,7 @@ impl<'a> Builder<'a> {
         let normal = of(LayerKind::Normal, 3..=3).next().filter(|_| smooth);
         let colour = of(LayerKind::Color, 3..=4).next();
         let uvs: Vec<&Layer> = of(LayerKind::Uv, 2..=4).collect();
-        let (materials, uv_layers, warnings) = materials(mesh, colour.is_some());
+        let (materials, uv_layers) = materials(mesh, colour.is_some(), textures);
         // Colours of scans are sRGB as images are; glTF's, which come with materials, are linear.
         let coded = mesh.appearance.materials.is_empty()
             || colour.is_some_and(|l| l.stored == Stored::U8 && mesh.material.is_empty());
@@ -153,7 +165,7 @@ impl<'a> Builder<'a> {
             dangling: Vec::new(),
             wires: Vec::new(),
             isolated: Vec::new(),
-            warnings,
+            warnings: textures.warnings().to_vec(),
         };
         Builder { mesh, normal, colour, uvs, uv_start, uv_layers, smooth, scene }
     }
@@ -280,58 +292,40 @@ struct Corner {
     uv: u32,
 }
 
-/// What faces are painted with (first those without a material), the layer of each material's texture, and what is missing.
-fn materials(mesh: &Mesh, coloured: bool) -> (Vec<Paint>, Vec<Option<usize>>, Vec<String>) {
+/// What faces are painted with (first those without a material), and the layer of each material's texture.
+fn materials(mesh: &Mesh, coloured: bool, textures: &Textures) -> (Vec<Paint>, Vec<Option<usize>>) {
     let appearance = &mesh.appearance;
     let materials: Vec<Material> = (0..appearance.materials.len()).map(|i| Material::new(appearance, i)).collect();
-    let mut wanted = vec![false; appearance.images.len()];
-    materials.iter().filter_map(|m| m.texture.as_ref()).for_each(|t| wanted[t.image] = true);
-    let decoded = par::map((0..wanted.len()).filter(|&i| wanted[i]).collect(), |i| {
-        (i, texture::decode(&appearance.images[i].bytes).map(|pixels| Texture::new(&pixels)))
-    });
-    let mut images: Vec<Option<Texture>> = wanted.iter().map(|_| None).collect();
-    let mut warnings = Vec::new();
-    for (i, result) in decoded {
-        match result {
-            Ok(texture) => images[i] = Some(texture),
-            Err(why) => {
-                let name = &appearance.images[i].name;
-                let name = if name.is_empty() { format!("image {i}") } else { name.clone() };
-                warnings.push(format!("{name}: {why}; its faces are drawn without it"));
-            }
-        }
-    }
-    let images = std::sync::Arc::new(images);
     let bare = Paint {
         factor: [1.0; 4],
         cutoff: None,
         texture: None,
         transform: None,
         texels: 0.0,
-        images: images.clone(),
+        images: textures.clone(),
         plain: !coloured,
     };
+    let layers = materials.iter().map(|m| m.texture.as_ref().map(|t| t.layer)).collect();
     let paint = |m: Material| {
-        let texture = m.texture.filter(|t| images[t.image].is_some());
-        let texels = texture.as_ref().and_then(|t| images[t.image].as_ref()).map_or(0.0, Texture::texels);
+        let texture = m.texture.filter(|t| textures.get(t.image).is_some());
+        let texels = texture.as_ref().and_then(|t| textures.get(t.image)).map_or(0.0, Texture::texels);
         Paint {
             factor: m.factor,
             cutoff: m.cutoff,
             texels,
             transform: texture.as_ref().and_then(|t| t.transform),
             texture: texture.map(|t| (t.image, t.wrap)),
-            images: images.clone(),
+            images: textures.clone(),
             plain: false,
         }
     };
-    let layers = materials.iter().map(|m| m.texture.as_ref().map(|t| t.layer)).collect();
-    (std::iter::once(bare).chain(materials.into_iter().map(paint)).collect(), layers, warnings)
+    (std::iter::once(bare).chain(materials.into_iter().map(paint)).collect(), layers)
 }
 
 impl Paint {
     /// The decoded image and what lies beyond its edges.
     pub(super) fn texture(&self) -> Option<(&Texture, [texture::Wrap; 2])> {
         let (image, wrap) = self.texture?;
-        Some((self.images.get(image)?.as_ref()?, wrap))
+        Some((self.images.get(image)?, wrap))
     }
 }

@@ -73,14 +73,22 @@ impl Snapshots {
     /// # Errors
     /// [`SsimError::Small`] where pictures of that size cannot be compared.
     pub fn new(mesh: &Mesh, renderer: &dyn Renderer, options: &ViewOptions) -> Result<Self, SsimError> {
+        let scene = Scene::new(mesh, options.shading);
+        Snapshots::of(&scene, mesh, renderer, options)
+    }
+
+    /// The same of a scene that was made of the mesh before.
+    ///
+    /// # Errors
+    /// As [`Snapshots::new`].
+    pub fn of(scene: &Scene, mesh: &Mesh, renderer: &dyn Renderer, options: &ViewOptions) -> Result<Self, SsimError> {
         if options.size < LEAST_SIDE {
             return Err(SsimError::Small(options.size, options.size));
         }
         let count = options.views.clamp(1, MOST_VIEWS);
         let views: Vec<View> =
             directions()[..count].iter().map(|&d| View::around(mesh, d).perspective(FIELD)).collect();
-        let scene = Scene::new(mesh, options.shading);
-        let draw = |view: &View| renderer.draw(&scene, view, options.size, options.size);
+        let draw = |view: &View| renderer.draw(scene, view, options.size, options.size);
         let pictures = par::map(views.iter().collect(), draw);
         Ok(Snapshots { warnings: scene.warnings().to_vec(), views, pictures, options: *options })
     }
@@ -100,10 +108,17 @@ impl Snapshots {
     /// # Errors
     /// None that a snapshot of a sufficient size leaves.
     pub fn compare(&self, mesh: &Mesh, renderer: &dyn Renderer) -> Result<Appearance, SsimError> {
-        let scene = Scene::new(mesh, self.options.shading);
+        self.compare_scene(&Scene::new(mesh, self.options.shading), renderer)
+    }
+
+    /// The same of a scene that was made of the other mesh before.
+    ///
+    /// # Errors
+    /// As [`Snapshots::compare`].
+    pub fn compare_scene(&self, scene: &Scene, renderer: &dyn Renderer) -> Result<Appearance, SsimError> {
         let size = self.options.size;
         let pairs = self.views.iter().zip(&self.pictures).collect();
-        let scores = par::map(pairs, |(view, picture)| ms_ssim(picture, &renderer.draw(&scene, view, size, size)));
+        let scores = par::map(pairs, |(view, picture)| ms_ssim(picture, &renderer.draw(scene, view, size, size)));
         let views: Vec<f64> = scores.into_iter().collect::<Result<_, _>>()?;
         Ok(Appearance { ms_ssim: views.iter().sum::<f64>() / views.len().max(1) as f64, views })
     }
