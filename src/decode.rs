@@ -16,6 +16,7 @@ use crate::complex::{Attributes, Batch, Faces, Level, Side, Star, Wanted, refine
 use crate::container::{ChunkInfo, ContainerError, Event, Front, Kind, LevelInfo, Reader};
 use crate::mesh::{Appearance, Layer, Mesh, NO_VALUE};
 use crate::par;
+use crate::texture::{END, Odd, restore};
 use std::sync::atomic::AtomicU64;
 use thiserror::Error;
 
@@ -109,6 +110,10 @@ pub struct Decoder {
     appearance: Option<Appearance>,
     /// Bytes of memory that materials take beyond what their chunk announced.
     held: u64,
+    /// Of each image how many pieces are here, and how many there are.
+    pieces: Vec<[u32; 2]>,
+    /// Bytes of images that are here.
+    image_bytes: u64,
     failed: Option<DecodeError>,
 }
 
@@ -138,6 +143,8 @@ impl Decoder {
             late: None,
             appearance: None,
             held: 0,
+            pieces: Vec::new(),
+            image_bytes: 0,
             failed: None,
         }
     }
@@ -232,7 +239,7 @@ impl Decoder {
                 }
                 // It speaks of vertices of the level: it waits until that is there.
                 Kind::Lone => self.late = Some(payload),
-                Kind::Appearance | Kind::Image => self.take_picture(next, info, payload)?,
+                Kind::Appearance | Kind::Image | Kind::Recipe => self.take_picture(next, info, payload)?,
                 Kind::Other(_) => {}
                 _ => return Err(corrupt(next, "a chunk of another level")),
             }
@@ -267,9 +274,11 @@ impl Decoder {
 
     /// Check that a level fits, beside the materials that are here already.
     fn afford(&mut self, level: u32) -> Result<(), DecodeError> {
-        let (held, limit) = (self.held, self.options.memory_limit);
+        let (held, images, limit) = (self.held, self.image_bytes, self.options.memory_limit);
         let Some(front) = self.reader.front()? else { return Ok(()) };
-        let needed = front.memory(level).saturating_add(held);
+        // Images that were fetched apart are here before their turn.
+        let early = images.saturating_sub(front.image_bytes(level));
+        let needed = front.memory(level).saturating_add(held).saturating_add(early);
         if needed > limit { Err(ContainerError::MemoryLimit { needed, limit }.into()) } else { Ok(()) }
     }
 
@@ -319,18 +328,66 @@ impl Decoder {
                 if found != (announced.materials as usize, announced.images as usize) {
                     return Err(corrupt(level, "other materials or images than the header announces"));
                 }
+                self.pieces = vec![[0; 2]; appearance.images.len()];
                 self.appearance = Some(appearance);
                 self.held = held.saturating_sub(info.memory);
             }
-            (Kind::Image, Some(appearance)) => {
-                if let Some(image) = appearance.images.get_mut(info.segment as usize) {
-                    image.bytes = payload;
-                }
-            }
+            (Kind::Image, Some(_)) => self.take_piece(level, info, payload)?,
+            (Kind::Recipe, Some(_)) => self.take_recipe(level, info, &payload)?,
             // Offered before its chunk came.
             (Kind::Appearance, Some(_)) => {}
-            (Kind::Image, None) => return Err(corrupt(level, "images before materials")),
+            (Kind::Image | Kind::Recipe, None) => return Err(corrupt(level, "images before materials")),
             _ => {}
+        }
+        Ok(())
+    }
+
+    /// The next piece of an image; without the last one, an end marker makes a file of what is there.
+    fn take_piece(&mut self, level: u32, info: ChunkInfo, mut payload: Vec<u8>) -> Result<(), DecodeError> {
+        let Some([next, all]) = self.pieces.get_mut(info.image as usize) else { return Ok(()) };
+        if info.segment < *next {
+            // Offered before its chunk came.
+            return Ok(());
+        }
+        if info.segment > *next {
+            return Err(corrupt(level, "a piece of an image before the pieces that it follows"));
+        }
+        let (open, last) = (*next > 0, info.segment + 1 == info.segments);
+        (*next, *all) = (info.segment + 1, info.segments);
+        self.image_bytes = self.image_bytes.saturating_add(payload.len() as u64);
+        self.afford(level)?;
+        if !last {
+            payload.extend_from_slice(&END);
+        }
+        let Some(image) = self.appearance.as_mut().and_then(|a| a.images.get_mut(info.image as usize)) else {
+            return Ok(());
+        };
+        if open {
+            image.bytes.truncate(image.bytes.len().saturating_sub(END.len()));
+            image.bytes.extend_from_slice(&payload);
+        } else {
+            image.bytes = payload;
+        }
+        Ok(())
+    }
+
+    /// The recipe of an image that is whole: its very bytes.
+    fn take_recipe(&mut self, level: u32, info: ChunkInfo, recipe: &[u8]) -> Result<(), DecodeError> {
+        const DONE: u32 = u32::MAX;
+        match self.pieces.get(info.image as usize) {
+            Some([DONE, DONE]) => return Ok(()),
+            Some([have, all]) if have == all && *all > 0 => {}
+            _ => return Err(corrupt(level, "the recipe of an image before the image")),
+        }
+        let limit = self.options.memory_limit;
+        let used = self.reader.front()?.map_or(0, |front| front.memory(level)).saturating_add(self.held);
+        let room = limit.saturating_sub(used.saturating_sub(info.memory));
+        let image = self.appearance.as_mut().and_then(|a| a.images.get_mut(info.image as usize));
+        if let Some(image) = image {
+            image.bytes = restore(&image.bytes, recipe, room).map_err(|Odd(what)| corrupt(level, what))?;
+        }
+        if let Some(pieces) = self.pieces.get_mut(info.image as usize) {
+            *pieces = [DONE; 2];
         }
         Ok(())
     }
@@ -630,11 +687,13 @@ impl Decoder {
         mesh
     }
 
-    /// Hand in the payload of a chunk of materials or of an image that was fetched apart, its checksum verified
-    /// ([`Front::payload`], [`Front::check_chunk`]); other kinds, and what is there already, are passed over.
+    /// Hand in the payload of a chunk of materials, or of a piece or recipe of an image, that was fetched apart, its checksum verified
+    /// ([`Front::payload`], [`Front::check_chunk`]); other kinds, and what is there already, are passed over. Pieces of an image come in
+    /// their order, those of different images in any.
     ///
     /// # Errors
-    /// [`DecodeError::Corrupt`] for materials that make no sense, and for an image that comes before them.
+    /// [`DecodeError::Corrupt`] for materials that make no sense, and for a piece of an image that comes before
+    /// them, or before the pieces that it follows.
     pub fn offer(&mut self, info: ChunkInfo, payload: Vec<u8>) -> Result<(), DecodeError> {
         let level = self.at.unwrap_or(0);
         self.take_picture(level, info, payload)
@@ -645,10 +704,35 @@ impl Decoder {
         &self.attributes
     }
 
-    /// Materials, textures and images, as far as they have arrived; an image that has not is empty.
+    /// Materials, textures and images, as far as they have arrived: an image of which some pieces are here is a whole file of less detail,
+    /// one of which none is here is empty.
     pub fn appearance(&self) -> Option<&Appearance> {
         self.appearance.as_ref()
     }
+}
+
+impl Decoder {
+    /// How many images there are, and of how many of them nothing, and not all, has arrived.
+    pub fn missing_images(&mut self) -> MissingImages {
+        let all = match self.reader.front() {
+            Ok(Some(front)) => front.header().attributes.images as usize,
+            _ => 0,
+        };
+        let begun = self.pieces.iter().filter(|p| p[0] > 0).count();
+        let whole = self.pieces.iter().filter(|p| p[0] > 0 && p[0] == p[1]).count();
+        MissingImages { all, none: all.saturating_sub(begun), part: begun - whole }
+    }
+}
+
+/// What has not arrived of the images of a file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MissingImages {
+    /// How many images there are.
+    pub all: usize,
+    /// Those of which nothing has arrived.
+    pub none: usize,
+    /// Those of which some pieces have arrived, and not all.
+    pub part: usize,
 }
 
 fn corrupt(level: u32, what: &'static str) -> DecodeError {

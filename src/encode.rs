@@ -1,8 +1,10 @@
 //! The encoder's front door: a mesh in, the bytes of a `.lods` file and an account of the work out.
 
 mod attributes;
+mod schedule;
 
 pub use attributes::AttributeError;
+pub use schedule::Schedule;
 
 use self::attributes::{Parts, dress};
 use crate::codec::appearance::{AppearanceError, code_appearance};
@@ -18,6 +20,8 @@ use crate::mesh::{LayerKind, Mesh, MeshError};
 use crate::metric::Engine;
 use crate::quantizer::Precision;
 use crate::simplify::{ReplayError, SimplifyOptions, reorder, replay, simplify_on};
+use crate::texture::{Exactness, Pieces, Way, cut};
+use std::borrow::Cow;
 use std::collections::HashSet;
 use std::time::Instant;
 use thiserror::Error;
@@ -37,6 +41,10 @@ pub struct EncodeOptions {
     pub color_bits: u8,
     /// Bits on the range of any other attribute, 1 to 24; whole numbers stay whole where 24 bits hold them.
     pub scalar_bits: u8,
+    /// Whether images come back with the same pixels, or byte by byte; see [`texture`](crate::texture).
+    pub images: Exactness,
+    /// What comes first, the mesh or its images.
+    pub schedule: Schedule,
 }
 
 impl Default for EncodeOptions {
@@ -48,6 +56,8 @@ impl Default for EncodeOptions {
             normal_bits: 10,
             color_bits: 8,
             scalar_bits: 16,
+            images: Exactness::default(),
+            schedule: Schedule::default(),
         }
     }
 }
@@ -93,6 +103,21 @@ pub struct BitsByKind {
     pub images: f64,
 }
 
+/// What was done with an image.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ImageReport {
+    /// Its name, or `image` and its number where it has none.
+    pub name: String,
+    /// Bytes of its file.
+    pub bytes: u64,
+    /// Bytes of its chunks.
+    pub stored: u64,
+    /// Pieces that it came into; each prefix of them is a picture.
+    pub pieces: usize,
+    /// What was done with it.
+    pub way: Way,
+}
+
 /// An account of one encoding.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct EncodeReport {
@@ -120,6 +145,8 @@ pub struct EncodeReport {
     pub collapse_seconds: f64,
     /// Seconds spent coding.
     pub encode_seconds: f64,
+    /// The images, in their order; without those of which the source had but the name.
+    pub images: Vec<ImageReport>,
 }
 
 /// An encoded mesh.
@@ -217,7 +244,8 @@ pub fn encode_on(
         replayed.number = place.iter().map(|&v| replayed.number[v as usize]).collect();
     }
 
-    let mut chunks: Vec<Chunk> = replayed
+    // Images that stay as they are go from the mesh into the file without a stop: they are often larger than all else.
+    let mut chunks: Vec<Chunk<Cow<'_, [u8]>>> = replayed
         .pieces
         .into_iter()
         .map(|p| match p.segment {
@@ -225,6 +253,7 @@ pub fn encode_on(
             None if p.first == 0 => Chunk::base(p.last, p.payload),
             None => Chunk::levels(p.first..=p.last, p.payload),
         })
+        .map(|c| c.map(Cow::Owned))
         .collect();
     let full_level = replayed.levels.len() as u32 - 1;
     let mut aside_bits = 0.0;
@@ -241,7 +270,7 @@ pub fn encode_on(
         origins = code_aside(&mut coder, slots, &mut faces, aside.corners.len()).map_err(ReplayError::Base)?;
         let payload = coder.finish();
         aside_bits = payload.len() as f64 * 8.0;
-        chunks.push(Chunk::aside(full_level, payload));
+        chunks.push(Chunk::aside(full_level, payload).map(Cow::Owned));
         coded_aside = faces;
     }
     let mut attribute_bits = replayed.account.splits.attributes;
@@ -255,9 +284,10 @@ pub fn encode_on(
         code_lone_values(&mut coder, &scheme, &coded_aside, count, &mut lone).map_err(ReplayError::Stream)?;
         let payload = coder.finish();
         attribute_bits += payload.len() as f64 * 8.0;
-        chunks.push(Chunk::lone(full_level, payload));
+        chunks.push(Chunk::lone(full_level, payload).map(Cow::Owned));
     }
     let (mut appearance_bits, mut image_bits) = (0.0, 0.0);
+    let mut reports = Vec::new();
     if dressed.header.appearance {
         let mut coder = range::Encoder::new();
         let (_, memory) = code_appearance(&mut coder, &mesh.appearance, u64::MAX).map_err(|error| match error {
@@ -267,7 +297,31 @@ pub fn encode_on(
         let payload = coder.finish();
         appearance_bits = payload.len() as f64 * 8.0;
         // Behind the base: what is shown first has its materials.
-        chunks.insert(1, Chunk::appearance(0, payload).with_memory(memory));
+        let appearance = Chunk::appearance(0, payload).with_memory(memory).map(Cow::Owned);
+        let (mut images, mut recipes) = (Vec::new(), Vec::new());
+        let span = trace.span("loop", "cut images");
+        for (i, image) in (0u32..).zip(&mesh.appearance.images) {
+            let Pieces { pieces, recipe, way, memory } = cut(&image.bytes, options.images);
+            let count = pieces.len();
+            let recipe = recipe.map(Cow::Owned);
+            let stored = pieces.iter().chain(&recipe).map(|p| p.len()).sum::<usize>();
+            image_bits += stored as f64 * 8.0;
+            if !image.bytes.is_empty() {
+                let name = if image.name.is_empty() { format!("image {i}") } else { image.name.clone() };
+                reports.push(ImageReport {
+                    name,
+                    bytes: image.bytes.len() as u64,
+                    stored: stored as u64,
+                    pieces: count,
+                    way,
+                });
+            }
+            let piece = |(k, payload)| Chunk::image(full_level, i, k, count as u32, payload);
+            images.push((0u32..).zip(pieces).map(piece).collect());
+            recipes.extend(recipe.map(|r| Chunk::recipe(full_level, i, r).with_memory(memory)));
+        }
+        drop(span);
+        chunks = schedule::order(chunks, Some(appearance), images, recipes, options.schedule);
     }
     let mut announced = dressed.header;
     for (layer, &wedges) in announced.layers.iter_mut().zip(&replayed.wedges) {
@@ -297,15 +351,7 @@ pub fn encode_on(
             })
             .collect(),
     };
-    let mut all: Vec<Chunk<&[u8]>> = chunks.iter().map(Chunk::borrowed).collect();
-    if header.attributes.appearance {
-        // Images go from the mesh into the file without a stop: they are often larger than all else.
-        let count = mesh.appearance.images.len() as u32;
-        for (i, image) in mesh.appearance.images.iter().enumerate() {
-            image_bits += image.bytes.len() as f64 * 8.0;
-            all.push(Chunk::image(full_level, i as u32, count, &image.bytes[..]));
-        }
-    }
+    let all: Vec<Chunk<&[u8]>> = chunks.iter().map(Chunk::borrowed).collect();
     let bytes = container::write_borrowed(&header, &all)?;
     let payload: usize = all.iter().map(|c| c.payload.len()).sum();
     let account = replayed.account;
@@ -331,6 +377,7 @@ pub fn encode_on(
         select_seconds: history.seconds[1],
         collapse_seconds: history.seconds[2],
         encode_seconds: clock.elapsed().as_secs_f64(),
+        images: reports,
     };
     Ok(Encoded { bytes, map: replayed.number, report })
 }

@@ -35,6 +35,7 @@ pub mod metric;
 pub mod read;
 #[cfg(feature = "encode")]
 pub mod simplify;
+pub mod texture;
 #[cfg(feature = "encode")]
 pub mod trace;
 #[cfg(feature = "formats")]

@@ -336,6 +336,49 @@ fn attributes_come_back_and_are_verified() {
 }
 
 #[test]
+fn textures_come_in_pieces() {
+    let scratch = Scratch::new("textures");
+    scratch
+        .write("t.obj", "mtllib t.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3\n");
+    scratch.write("t.mtl", "newmtl a\nmap_Kd a.jpg\n");
+    let pixels: Vec<u8> =
+        (0..200 * 200 * 3u32).map(|i| (i % 601 / 3 + i / 2411 + i % 23 * (i % 23) % 23) as u8).collect();
+    let mut jpeg = Vec::new();
+    let encoder = jpeg_encoder::Encoder::new(&mut jpeg, 90);
+    encoder.encode(&pixels, 200, 200, jpeg_encoder::ColorType::Rgb).unwrap();
+    std::fs::write(scratch.path("a.jpg"), &jpeg).unwrap();
+
+    let run = lodestream(scratch.folder(), "encode t.obj -o t.lods").ok();
+    assert!(run.stdout.contains("(1 made progressive without loss)"), "{}", run.stdout);
+    lodestream(scratch.folder(), "verify t.lods --against t.obj").ok();
+    let chunks = lodestream(scratch.folder(), "info t.lods --json").json()["chunks"].clone();
+    let pieces: Vec<_> = chunks.as_array().unwrap().iter().filter(|c| c["kind"] == "image").collect();
+    assert!(pieces.len() > 3 && pieces.iter().all(|c| c["image"] == 0), "{pieces:?}");
+    // A prefix with some pieces: a picture of less detail, and a line that says so.
+    let end = pieces[1]["offset"].as_u64().unwrap() + pieces[1]["length"].as_u64().unwrap();
+    std::fs::create_dir(scratch.path("part")).unwrap();
+    let run = lodestream(scratch.folder(), &format!("decode t.lods -o part/t.obj --max-bytes {}", end + 5));
+    assert_eq!(run.code, 0);
+    assert_eq!(run.stderr, "lodestream: warning: t.lods: 1 of 1 images are there in part and lack detail\n");
+    let part = std::fs::read(scratch.path("part/a.jpg")).unwrap();
+    assert!(part.len() < jpeg.len() && part.ends_with(&[0xFF, 0xD9]));
+
+    // The very bytes, where asked for.
+    lodestream(scratch.folder(), "encode t.obj -o exact.lods --exact-images --schedule texture-first").ok();
+    std::fs::create_dir(scratch.path("exact")).unwrap();
+    lodestream(scratch.folder(), "decode exact.lods -o exact/t.obj").ok();
+    assert!(std::fs::read(scratch.path("exact/a.jpg")).unwrap() == jpeg);
+
+    // What is damaged stays as it is, and a line says why.
+    std::fs::write(scratch.path("a.jpg"), &jpeg[..jpeg.len() - 9]).unwrap();
+    let run = lodestream(scratch.folder(), "encode t.obj -o odd.lods");
+    let says = "lodestream: warning: t.obj: a.jpg: kept as it is: it is cut: its end marker is missing\n";
+    assert_eq!((run.code, run.stderr.as_str()), (0, says));
+    let run = lodestream(scratch.folder(), "encode t.obj -o odd.lods --schedule last");
+    assert!(run.code == 2 && run.stderr.contains("use mesh-first, texture-first or linear"), "{}", run.stderr);
+}
+
+#[test]
 fn help_has_examples() {
     let scratch = Scratch::new("help");
     for words in ["--help", "encode --help", "decode --help", "info --help", "verify --help", "demo --help"] {

@@ -77,6 +77,7 @@ fn parts(bytes: &[u8]) -> Parts {
             last_level: c.last_level,
             segment: c.segment,
             segments: c.segments,
+            image: c.image,
             memory: c.memory,
             payload: front.payload(bytes, k).unwrap().unwrap().to_vec(),
         })

@@ -5,7 +5,8 @@
 
 use super::{CanonicalFaces, Difference, quantize};
 use crate::lattice::Lattice;
-use crate::mesh::{Layer, MAX_WIDTH, Mesh, NO_VALUE};
+use crate::mesh::{Image, Layer, MAX_WIDTH, Mesh, NO_VALUE};
+use crate::texture::same_picture;
 use std::cmp::Ordering;
 
 /// What makes values of a layer equal: those with equal keys are. The number is that of the layer.
@@ -71,6 +72,12 @@ pub fn attributes_by_position(
     attributes(source, decoded, &ranks(&a), &ranks(&b), key)
 }
 
+/// A texture may have been coded in another way, without loss.
+fn same_images(a: &[Image], b: &[Image]) -> bool {
+    let same = |(a, b): (&Image, &Image)| a.name == b.name && a.mime == b.mime && same_picture(&a.bytes, &b.bytes);
+    a.len() == b.len() && a.iter().zip(b).all(same)
+}
+
 fn attributes(a: &Mesh, b: &Mesh, name_a: &[u32], name_b: &[u32], key: &Key<'_>) -> Result<(), Difference> {
     let list = |m: &Mesh| m.layers.iter().map(|l| format!("{} ({:?}, {})", l.name, l.kind, l.width)).collect();
     let (source_layers, decoded_layers): (Vec<String>, Vec<String>) = (list(a), list(b));
@@ -82,7 +89,7 @@ fn attributes(a: &Mesh, b: &Mesh, name_a: &[u32], name_b: &[u32], key: &Key<'_>)
         ("materials", x.materials == y.materials),
         ("textures", x.textures == y.textures),
         ("samplers", x.samplers == y.samplers),
-        ("images", x.images == y.images),
+        ("images", same_images(&x.images, &y.images)),
     ] {
         if !equal {
             return Err(Difference::Appearance { what });

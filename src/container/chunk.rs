@@ -2,6 +2,7 @@
 
 use super::error::{ContainerError, Place, inconsistent};
 use super::header::Header;
+use std::collections::BTreeMap;
 use std::fmt;
 use std::ops::RangeInclusive;
 
@@ -27,8 +28,10 @@ pub enum Kind {
     Lone,
     /// Materials, textures, samplers, names of images (number 5).
     Appearance,
-    /// An image; segments count the images (number 6).
+    /// A piece of an image; segments count its pieces (number 6).
     Image,
+    /// What gives the very bytes of an image back (number 7).
+    Recipe,
     /// A kind that this decoder does not know. It may skip those from [`FIRST_OPTIONAL_KIND`] on, and has to refuse a file
     /// with any other.
     Other(u8),
@@ -45,6 +48,7 @@ impl Kind {
             Kind::Lone => 4,
             Kind::Appearance => 5,
             Kind::Image => 6,
+            Kind::Recipe => 7,
             Kind::Other(number) => number,
         }
     }
@@ -59,6 +63,7 @@ impl Kind {
             4 => Kind::Lone,
             5 => Kind::Appearance,
             6 => Kind::Image,
+            7 => Kind::Recipe,
             number => Kind::Other(number),
         }
     }
@@ -74,6 +79,7 @@ impl fmt::Display for Kind {
             Kind::Lone => write!(f, "lone values"),
             Kind::Appearance => write!(f, "appearance"),
             Kind::Image => write!(f, "image"),
+            Kind::Recipe => write!(f, "recipe"),
             Kind::Other(KIND_SOURCE) => write!(f, "source"),
             Kind::Other(number) => write!(f, "kind {number}"),
         }
@@ -93,6 +99,8 @@ pub struct Chunk<B = Vec<u8>> {
     pub segment: u32,
     /// How many segments these levels have, at least 1.
     pub segments: u32,
+    /// The image that a piece or recipe belongs to; 0 for other kinds.
+    pub image: u32,
     /// Bytes of working memory that decoding it takes beyond the levels themselves; rounded up by
     /// at most an eighth (and to at least 64) in the file.
     pub memory: u64,
@@ -101,26 +109,38 @@ pub struct Chunk<B = Vec<u8>> {
 }
 
 impl Chunk {
-    /// The same with its bytes where they are.
-    pub(crate) fn borrowed(&self) -> Chunk<&[u8]> {
-        let &Chunk { kind, first_level, last_level, segment, segments, memory, ref payload } = self;
-        Chunk { kind, first_level, last_level, segment, segments, memory, payload }
-    }
-
     /// Level 0 and the levels coded with it, up to `last`.
     pub fn base(last: u32, payload: Vec<u8>) -> Self {
-        Chunk { kind: Kind::Base, first_level: 0, last_level: last, segment: 0, segments: 1, memory: 0, payload }
+        Chunk {
+            kind: Kind::Base,
+            first_level: 0,
+            last_level: last,
+            segment: 0,
+            segments: 1,
+            image: 0,
+            memory: 0,
+            payload,
+        }
     }
 
     /// A run of levels in one chunk.
     pub fn levels(levels: RangeInclusive<u32>, payload: Vec<u8>) -> Self {
         let (first_level, last_level) = levels.into_inner();
-        Chunk { kind: Kind::Levels, first_level, last_level, segment: 0, segments: 1, memory: 0, payload }
+        Chunk { kind: Kind::Levels, first_level, last_level, segment: 0, segments: 1, image: 0, memory: 0, payload }
     }
 
     /// Segment `segment` of the `segments` segments of the batch that leads to `level`.
     pub fn segment(level: u32, segment: u32, segments: u32, payload: Vec<u8>) -> Self {
-        Chunk { kind: Kind::Segment, first_level: level, last_level: level, segment, segments, memory: 0, payload }
+        Chunk {
+            kind: Kind::Segment,
+            first_level: level,
+            last_level: level,
+            segment,
+            segments,
+            image: 0,
+            memory: 0,
+            payload,
+        }
     }
 
     /// The elements that repeat a vertex.
@@ -131,6 +151,7 @@ impl Chunk {
             last_level: full_level,
             segment: 0,
             segments: 1,
+            image: 0,
             memory: 0,
             payload,
         }
@@ -145,6 +166,20 @@ impl Chunk {
     pub fn appearance(level: u32, payload: Vec<u8>) -> Self {
         Chunk { kind: Kind::Appearance, ..Chunk::aside(level, payload) }
     }
+}
+
+impl<B> Chunk<B> {
+    /// Piece `piece` of the `pieces` pieces of image `image`; `level` is the one that it stands behind.
+    pub fn image(level: u32, image: u32, piece: u32, pieces: u32, payload: B) -> Self {
+        let (first_level, last_level) = (level, level);
+        let (segment, segments) = (piece, pieces);
+        Chunk { kind: Kind::Image, first_level, last_level, segment, segments, image, memory: 0, payload }
+    }
+
+    /// What gives the very bytes of image `image` back; `level` is the one that it stands behind.
+    pub fn recipe(level: u32, image: u32, payload: B) -> Self {
+        Chunk { kind: Kind::Recipe, ..Chunk::image(level, image, 0, 1, payload) }
+    }
 
     /// The same chunk, with its need for working memory stated.
     #[must_use]
@@ -152,13 +187,20 @@ impl Chunk {
         self.memory = bytes;
         self
     }
+
+    /// The same with its bytes in another form.
+    #[cfg(feature = "encode")]
+    pub(crate) fn map<C>(self, form: impl FnOnce(B) -> C) -> Chunk<C> {
+        let Chunk { kind, first_level, last_level, segment, segments, image, memory, payload } = self;
+        Chunk { kind, first_level, last_level, segment, segments, image, memory, payload: form(payload) }
+    }
 }
 
-impl<B> Chunk<B> {
-    /// Image `image` of `images`; `level` is the one that it stands behind.
-    pub fn image(level: u32, image: u32, images: u32, payload: B) -> Self {
-        let (first_level, last_level) = (level, level);
-        Chunk { kind: Kind::Image, first_level, last_level, segment: image, segments: images, memory: 0, payload }
+impl<B: AsRef<[u8]>> Chunk<B> {
+    /// The same with its bytes where they are.
+    pub(crate) fn borrowed(&self) -> Chunk<&[u8]> {
+        let &Chunk { kind, first_level, last_level, segment, segments, image, memory, ref payload } = self;
+        Chunk { kind, first_level, last_level, segment, segments, image, memory, payload: payload.as_ref() }
     }
 }
 
@@ -175,6 +217,8 @@ pub struct ChunkInfo {
     pub segment: u32,
     /// How many segments these levels have, at least 1.
     pub segments: u32,
+    /// The image that a piece or recipe belongs to; 0 for other kinds.
+    pub image: u32,
     /// Bytes of working memory that decoding it takes, as the encoder says: for planning, not for allocating.
     pub memory: u64,
     /// Its first byte in the file.
@@ -229,7 +273,9 @@ pub(super) fn check_order(header: &Header, chunks: &[ChunkInfo]) -> Result<Vec<u
     let mut needs = Vec::with_capacity(header.levels.len());
     // The last level, number of segments and next segment of a run of segments that is not finished.
     let mut open: Option<(u32, u32, u32)> = None;
-    let (mut aside, mut lone, mut appearance, mut images) = (false, false, false, 0);
+    let (mut aside, mut lone, mut appearance) = (false, false, false);
+    // For each image that has begun: the next piece, the number of pieces, whether its recipe was there.
+    let mut images: BTreeMap<u32, (u32, u32, bool)> = BTreeMap::new();
     for (index, c) in chunks.iter().enumerate() {
         let fail = |what| inconsistent(Place::Chunk(index), what);
         let next = needs.len() as u64;
@@ -242,8 +288,8 @@ pub(super) fn check_order(header: &Header, chunks: &[ChunkInfo]) -> Result<Vec<u
         if c.segment >= c.segments {
             return fail("a segment beyond the number of segments");
         }
-        if c.segments != 1 && matches!(c.kind, Kind::Base | Kind::Levels | Kind::Aside | Kind::Lone | Kind::Appearance)
-        {
+        let single = !matches!(c.kind, Kind::Segment | Kind::Image | Kind::Other(_));
+        if c.segments != 1 && single {
             return fail("segments of a kind that has none");
         }
         match c.kind {
@@ -281,10 +327,18 @@ pub(super) fn check_order(header: &Header, chunks: &[ChunkInfo]) -> Result<Vec<u
                 continue;
             }
             Kind::Image => {
-                if c.segment != images || c.segments != header.attributes.images || !appearance {
-                    return fail("images out of order, or before the materials");
+                let (next, pieces, _) = images.entry(c.image).or_insert((0, c.segments, false));
+                if c.image >= header.attributes.images || !appearance || (c.segment, c.segments) != (*next, *pieces) {
+                    return fail("pieces of images out of order, or before the materials");
                 }
-                images += 1;
+                *next += 1;
+                continue;
+            }
+            Kind::Recipe => {
+                match images.get_mut(&c.image) {
+                    Some((next, pieces, recipe @ false)) if next == pieces => *recipe = true,
+                    _ => return fail("a recipe told twice, or before its image"),
+                }
                 continue;
             }
             Kind::Base | Kind::Levels | Kind::Segment => {}
@@ -316,7 +370,8 @@ pub(super) fn check_order(header: &Header, chunks: &[ChunkInfo]) -> Result<Vec<u
         return inconsistent(Place::Header, "the chunk of the elements that travel aside is missing");
     }
     let announced = &header.attributes;
-    if lone != announced.lone || appearance != announced.appearance || images != announced.images {
+    let whole = images.values().filter(|(next, pieces, _)| next == pieces).count();
+    if lone != announced.lone || appearance != announced.appearance || whole as u64 != announced.images as u64 {
         return inconsistent(Place::Header, "a chunk of values, materials or images is missing");
     }
     Ok(needs)

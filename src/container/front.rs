@@ -24,6 +24,8 @@ pub struct Front {
     needs: Vec<usize>,
     /// For each level the most working memory that the chunks of one run of levels take together, up to this level.
     working: Vec<u64>,
+    /// For each level the bytes of images in the chunks up to those that it needs; for the full level of all images.
+    images: Vec<u64>,
 }
 
 /// What came of reading a front.
@@ -104,8 +106,8 @@ impl Front {
         let needs = check_order(&header, &chunks)?;
         let mut working = vec![0u64; needs.len()];
         for c in &chunks {
-            // Materials stay, whatever the level.
-            let known = !matches!(c.kind, Kind::Other(_) | Kind::Appearance);
+            // Materials and images stay, whatever the level.
+            let known = !matches!(c.kind, Kind::Other(_) | Kind::Appearance | Kind::Image);
             if let Some(w) = working.get_mut(c.first_level as usize).filter(|_| known) {
                 *w = w.saturating_add(c.memory).saturating_add(c.length);
             }
@@ -117,7 +119,15 @@ impl Front {
             most = most.max(*w);
             *w = most;
         }
-        Ok(Front { header, chunks, length, needs, working })
+        let (mut images, mut sum, mut at) = (Vec::with_capacity(needs.len()), 0u64, 0);
+        for (level, &need) in needs.iter().enumerate() {
+            let end = if level + 1 == needs.len() { chunks.len() } else { need };
+            let pieces = chunks[at..end].iter().filter(|c| c.kind == Kind::Image);
+            sum = pieces.fold(sum, |sum, c| sum.saturating_add(c.length));
+            at = end;
+            images.push(sum);
+        }
+        Ok(Front { header, chunks, length, needs, working, images })
     }
 
     /// The header.
@@ -241,7 +251,13 @@ impl Front {
         if let Some(c) = self.chunks.iter().find(|c| self.header.attributes.appearance && c.kind == Kind::Appearance) {
             attributes = attributes.saturating_add(c.memory).saturating_add(c.length);
         }
+        let attributes = attributes.saturating_add(self.image_bytes(level));
         levels.saturating_add(attributes).saturating_add(self.working.get(level as usize).copied().unwrap_or(0))
+    }
+
+    /// Bytes of images in the chunks up to those that `level` needs; for the full level of all images.
+    pub(crate) fn image_bytes(&self, level: u32) -> u64 {
+        self.images.get(level as usize).copied().unwrap_or(0)
     }
 
     /// Check, before anything is allocated by the counts of the file, that decoding up to `level` fits.
@@ -283,6 +299,7 @@ fn front_of(header: &Header, chunks: &[Chunk<&[u8]>]) -> Result<Vec<u8>, Contain
             last_level: chunk.last_level,
             segment: chunk.segment,
             segments: chunk.segments,
+            image: chunk.image,
             memory: memory_amount(memory_code(chunk.memory)),
             offset,
             length,
@@ -348,8 +365,8 @@ pub fn with_chunk(file: &[u8], make: impl FnOnce(u32) -> Chunk) -> Result<Vec<u8
     let mut chunks = Vec::with_capacity(front.chunks().len() + 1);
     for (index, &info) in front.chunks().iter().enumerate() {
         let payload = front.payload(file, index)?.unwrap_or_default();
-        let ChunkInfo { kind, first_level, last_level, segment, segments, memory, .. } = info;
-        chunks.push(Chunk { kind, first_level, last_level, segment, segments, memory, payload });
+        let ChunkInfo { kind, first_level, last_level, segment, segments, image, memory, .. } = info;
+        chunks.push(Chunk { kind, first_level, last_level, segment, segments, image, memory, payload });
     }
     chunks.push(last.borrowed());
     write_borrowed(front.header(), &chunks)

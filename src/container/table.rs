@@ -292,6 +292,7 @@ fn chunks<C: Coder>(
     let (mut kinds, mut skips) = ([Bit::default(); 64], Difference::new(OFTEN, EVEN));
     let (mut spans, mut segment_numbers) = (above_zero(SELDOM), above_zero(SELDOM));
     let (mut lengths, mut memories) = (Number::new(), Difference::new(EVEN, EVEN));
+    let mut images = Number::new();
     let mut out: Vec<ChunkInfo> = Vec::with_capacity(chunk_count);
     let mut memory = 0i64;
     // A base of nothing stands before the first row.
@@ -304,8 +305,8 @@ fn chunks<C: Coder>(
             .map(|b| ChunkInfo { segment: b.segment + 1, ..b });
         let same_run = |s: &ChunkInfo| {
             row.is_some_and(|r| {
-                (r.kind, r.first_level, r.last_level, r.segment, r.segments)
-                    == (s.kind, s.first_level, s.last_level, s.segment, s.segments)
+                (r.kind, r.first_level, r.last_level, r.segment, r.segments, r.image)
+                    == (s.kind, s.first_level, s.last_level, s.segment, s.segments, s.image)
             })
         };
         let mut info = match successor {
@@ -321,6 +322,10 @@ fn chunks<C: Coder>(
                 let span = golomb(c, &mut spans, row.map_or(0, |r| r.last_level.saturating_sub(r.first_level)));
                 let segments = golomb(c, &mut segment_numbers, row.map_or(0, |r| r.segments.saturating_sub(1)));
                 let segment = golomb(c, &mut segment_numbers, row.map_or(0, |r| r.segment));
+                let image = match kind {
+                    Kind::Image | Kind::Recipe => count(images.code(c, row.map_or(0, |r| r.image as u64)))?,
+                    _ => 0,
+                };
                 let (Ok(first_level), Some(segments)) = (first, segments.checked_add(1)) else {
                     return fail("a level or segment out of range");
                 };
@@ -334,6 +339,7 @@ fn chunks<C: Coder>(
                     last_level,
                     segment,
                     segments,
+                    image,
                     memory: 0,
                     offset: 0,
                     length: 0,

@@ -67,7 +67,7 @@ mod tests {
     #[test]
     fn every_setting_changes_the_checksum() {
         let plain = Settings::default();
-        let mut others = vec![plain.clone(); 10];
+        let mut others = vec![plain.clone(); 12];
         others[0].encode.quantization = Quantization::Bits(13);
         others[1].encode.quantization = Quantization::Step { step: 0.001, origin: None };
         others[2].encode.lock_borders = true;
@@ -78,11 +78,13 @@ mod tests {
         others[7].encode.normal_bits = 11;
         others[8].encode.color_bits = 9;
         others[9].encode.scalar_bits = 15;
+        others[10].encode.images = crate::texture::Exactness::Bytes;
+        others[11].encode.schedule = crate::encode::Schedule::Linear;
         let mut sums: Vec<[u8; 32]> = others.iter().map(Settings::checksum).collect();
         sums.push(plain.checksum());
         sums.sort_unstable();
         sums.dedup();
-        assert_eq!(sums.len(), 11);
+        assert_eq!(sums.len(), 13);
         assert_eq!(drop_set(["uvs", " normals "]), Ok(DropSet { uvs: true, normals: true, ..DropSet::NONE }));
         assert_eq!(drop_set(["uvs", "uvw"]), Err("uvw"));
         assert!(DROP_NAMES.iter().all(|name| drop_set([*name]).is_ok()));

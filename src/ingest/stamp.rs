@@ -46,6 +46,7 @@ impl Stamp {
             last_level: full,
             segment: 0,
             segments: 1,
+            image: 0,
             memory: 0,
             payload: self.payload(),
         })

@@ -140,9 +140,13 @@ pub fn run(args: &Args) -> Result<Outcome> {
         let Some(level) = reached.level else { bail!("{name}: no level could be decoded") };
         // An image is as good at any level; what was asked not to be read is not.
         let limit = args.choice.max_bytes.unwrap_or(u64::MAX);
-        let (there, all) = stream.pictures(&mut reached.decoder, limit)?;
-        if there < all {
-            warnings.push(format!("{} of {all} images are not among the bytes read and are left out", all - there));
+        let missing = stream.pictures(&mut reached.decoder, limit)?;
+        let all = missing.all;
+        if missing.none > 0 {
+            warnings.push(format!("{} of {all} images are not among the bytes read and are left out", missing.none));
+        }
+        if missing.part > 0 {
+            warnings.push(format!("{} of {all} images are there in part and lack detail", missing.part));
         }
         if level == stream.front().full_level() && args.choice.max_bytes.is_none() {
             match stream.check_end() {

@@ -7,10 +7,11 @@ use crate::progress::Bars;
 use crate::shared::{self, Input, Machine};
 use anyhow::{Context, Result};
 use clap::ValueEnum;
-use lodestream::encode::{self, EncodeOptions, EncodeReport, Encoded, Progress, Stage};
+use lodestream::encode::{self, EncodeOptions, EncodeReport, Encoded, ImageReport, Progress, Schedule, Stage};
 use lodestream::lattice::Quantization;
 use lodestream::quantizer::Precision;
 use lodestream::read::{DropSet, ReadMesh, ReadOptions};
+use lodestream::texture::{Exactness, Odd, Way};
 use lodestream::trace::Trace;
 use serde_json::{Value, json};
 use std::io::{BufWriter, Write};
@@ -37,6 +38,8 @@ pub struct Args {
     lock_borders: bool,
     #[command(flatten)]
     precision: PrecisionArgs,
+    #[command(flatten)]
+    images: ImageArgs,
     #[command(flatten)]
     weld: WeldArgs,
     /// Leave out attributes, materials or the bytes of images
@@ -112,7 +115,26 @@ impl PrecisionArgs {
             normal_bits: self.normal_bits,
             color_bits: self.color_bits,
             scalar_bits: self.scalar_bits,
+            ..EncodeOptions::default()
         }
+    }
+}
+
+/// How images are carried.
+#[derive(clap::Args)]
+pub struct ImageArgs {
+    /// Give images back byte by byte; otherwise baseline JPEG comes back progressive, with the same pixels and metadata
+    #[arg(long)]
+    exact_images: bool,
+    /// What comes first in the file: mesh-first, texture-first, or linear, which is both in turns
+    #[arg(long, value_name = "ORDER", default_value_t)]
+    schedule: Schedule,
+}
+
+impl ImageArgs {
+    pub fn set(&self, options: &mut EncodeOptions) {
+        options.images = if self.exact_images { Exactness::Bytes } else { Exactness::Coefficients };
+        options.schedule = self.schedule;
     }
 }
 
@@ -196,7 +218,8 @@ pub fn run(args: &Args) -> Result<Outcome> {
     let output = Output::create(&args.output)?;
     let map = args.map.as_deref().map(Output::create).transpose()?;
     let bars = Bars::new(!args.json);
-    let options = args.precision.options(args.lattice.quantization(), args.lock_borders);
+    let mut options = args.precision.options(args.lattice.quantization(), args.lock_borders);
+    args.images.set(&mut options);
     let name = shared::name(&args.input.path);
     args.machine.run(|threads| {
         let read_options = ReadOptions {
@@ -215,6 +238,14 @@ pub fn run(args: &Args) -> Result<Outcome> {
         bars.finish();
         if let Some(why) = &encoded.report.fallback {
             device::fell_back(why);
+        }
+        for image in &encoded.report.images {
+            // A PNG is none for a reason that nobody needs to be told.
+            if let Way::Kept(odd) = image.way
+                && odd != Odd::NO_JPEG
+            {
+                shared::warn(format!("{name}: {}: kept as it is: {odd}", image.name));
+            }
         }
         if let Some(path) = &args.trace {
             std::fs::write(path, trace.to_json()).with_context(|| path.display().to_string())?;
@@ -274,6 +305,14 @@ fn account(encoded: &Encoded, seconds: [f64; 3]) -> Value {
             "appearance": kind(report.bits.appearance),
             "images": kind(report.bits.images),
         },
+        "images": report.images.iter().map(|i| json!({
+            "name": i.name,
+            "bytes": i.bytes,
+            "stored": i.stored,
+            "pieces": i.pieces,
+            "way": way(i.way),
+            "reason": match i.way { Way::Kept(odd) => Some(odd.to_string()), _ => None },
+        })).collect::<Vec<_>>(),
         "levels": report.levels,
         "edges_weighed": report.edges_weighed,
         "seconds": {
@@ -286,6 +325,31 @@ fn account(encoded: &Encoded, seconds: [f64; 3]) -> Value {
             "total": seconds[2],
         },
     })
+}
+
+/// One word for what was done with an image.
+fn way(way: Way) -> &'static str {
+    match way {
+        Way::Kept(_) => "kept",
+        Way::Cut => "cut",
+        Way::Transcoded => "transcoded",
+    }
+}
+
+/// What was done with the images, in a few words; why a JPEG stayed as it is.
+fn image_summary(images: &[ImageReport]) -> String {
+    let count = |word| images.iter().filter(|i| way(i.way) == word).count();
+    let sum = |of: fn(&ImageReport) -> u64| shared::human_bytes(images.iter().map(of).sum());
+    let done: Vec<String> = [
+        (count("transcoded"), "made progressive without loss"),
+        (count("cut"), "progressive already"),
+        (count("kept"), "kept as they are"),
+    ]
+    .iter()
+    .filter(|(n, _)| *n > 0)
+    .map(|(n, what)| format!("{n} {what}"))
+    .collect();
+    format!("{} from {} ({})", sum(|i| i.stored), sum(|i| i.bytes), done.join(", "))
 }
 
 /// Bits per vertex; `None` without vertices.
@@ -311,13 +375,18 @@ fn summary(report: &EncodeReport, bytes: u64, [read, write, total]: [f64; 3]) ->
         .filter(|(_, bits)| *bits > 0.0)
         .map(|(kind, bits)| format!("{kind} {}", shared::human_bytes((bits / 8.0).round() as u64)))
         .collect();
-    shared::table(&[
+    let mut rows = vec![
         ("vertices", shared::thousands(report.vertices as u64)),
         ("faces", shared::thousands(report.faces as u64)),
         ("components", shared::thousands(report.components as u64)),
         ("levels", report.levels.to_string()),
         ("size", format!("{}{rate}", shared::human_bytes(bytes))),
         ("  of it", kinds.join(", ")),
+    ];
+    if !report.images.is_empty() {
+        rows.push(("  images", image_summary(&report.images)));
+    }
+    rows.extend([
         (
             "seconds",
             format!(
@@ -330,5 +399,6 @@ fn summary(report: &EncodeReport, bytes: u64, [read, write, total]: [f64; 3]) ->
             ),
         ),
         ("memory", format!("{} at most", shared::human_bytes(shared::peak_memory()))),
-    ])
+    ]);
+    shared::table(&rows)
 }

@@ -37,6 +37,7 @@ fn kind_name(kind: Kind) -> &'static str {
         Kind::Lone => "lone",
         Kind::Appearance => "appearance",
         Kind::Image => "image",
+        Kind::Recipe => "recipe",
         _ => "other",
     }
 }
@@ -89,6 +90,7 @@ fn object(stream: &Stream) -> Value {
             "last_level": c.last_level,
             "segment": c.segment,
             "segments": c.segments,
+            "image": matches!(c.kind, Kind::Image | Kind::Recipe).then_some(c.image),
             "offset": c.offset,
             "length": c.length,
             "checksum": format!("{:08x}", c.checksum),
@@ -149,7 +151,7 @@ fn text(stream: &Stream, chunks: bool) -> String {
     if chunks {
         let _ = writeln!(
             out,
-            "\n{:>5} {:<8} {:>9} {:>9} {:>12} {:>12}  checksum",
+            "\n{:>5} {:<10} {:>9} {:>9} {:>12} {:>12}  checksum",
             "chunk", "kind", "levels", "segment", "offset", "bytes"
         );
         for (i, c) in front.chunks().iter().enumerate() {
@@ -160,8 +162,11 @@ fn text(stream: &Stream, chunks: bool) -> String {
             };
             let _ = writeln!(
                 out,
-                "{i:>5} {:<8} {levels:>9} {:>9} {:>12} {:>12}  {:08x}",
-                c.kind.to_string(),
+                "{i:>5} {:<10} {levels:>9} {:>9} {:>12} {:>12}  {:08x}",
+                match c.kind {
+                    Kind::Image | Kind::Recipe => format!("{} {}", c.kind, c.image),
+                    kind => kind.to_string(),
+                },
                 format!("{}/{}", c.segment + 1, c.segments),
                 shared::thousands(c.offset),
                 shared::thousands(c.length),

@@ -2,7 +2,7 @@
 
 use crate::Outcome;
 use crate::device::DeviceArgs;
-use crate::encode::{LatticeArgs, PrecisionArgs, WeldArgs, stage_name};
+use crate::encode::{ImageArgs, LatticeArgs, PrecisionArgs, WeldArgs, stage_name};
 use crate::ingest_progress::{LogFormat, Watch};
 use crate::shared::{self, parse_size};
 use anyhow::{Result, anyhow};
@@ -37,6 +37,8 @@ pub struct Args {
     lattice: LatticeArgs,
     #[command(flatten)]
     precision: PrecisionArgs,
+    #[command(flatten)]
+    images: ImageArgs,
     /// Never move a vertex of a border, so that tiles fit at every level
     #[arg(long)]
     lock_borders: bool,
@@ -116,6 +118,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
         weld: args.weld.choice(),
         drop: ingest::drop_set(args.drop.iter().map(String::as_str)).unwrap_or_default(),
     };
+    args.images.set(&mut plan.settings.encode);
     plan.threads = args.threads.map_or(plan.threads, usize::from);
     plan.jobs = args.jobs.map_or(plan.threads, usize::from);
     plan.memory = args.memory.unwrap_or(plan.memory);

@@ -4,7 +4,7 @@ use crate::progress::Bars;
 use crate::shared;
 use anyhow::{Context, Result};
 use lodestream::container::{ContainerError, Front, Kind, MAGIC, Parsed};
-use lodestream::decode::{DecodeOptions, Decoder, Step};
+use lodestream::decode::{DecodeOptions, Decoder, MissingImages, Step};
 use std::io::Read;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -132,22 +132,20 @@ impl Stream {
     }
 
     /// Hand the materials and images that lie behind what was read, and end within the first `limit` bytes, to the decoder.
-    /// Returns how many images are there, and how many there could be.
-    pub fn pictures(&mut self, decoder: &mut Decoder, limit: u64) -> Result<(usize, usize)> {
-        let (mut there, mut all) = (0, 0);
+    /// Returns what is missing then.
+    pub fn pictures(&mut self, decoder: &mut Decoder, limit: u64) -> Result<MissingImages> {
         for index in 0..self.front.chunks().len() {
             let info = self.front.chunks()[index];
-            if !matches!(info.kind, Kind::Appearance | Kind::Image) {
+            if !matches!(info.kind, Kind::Appearance | Kind::Image | Kind::Recipe) || info.offset < self.bytes_read {
                 continue;
             }
-            all += usize::from(info.kind == Kind::Image);
-            if info.offset < self.bytes_read || info.end() > limit {
-                continue;
+            if info.end() > limit {
+                break;
             }
             while self.bytes_read < info.offset {
                 let wanted = (info.offset - self.bytes_read).min(BLOCK);
                 if self.next(wanted)? == 0 {
-                    return Ok((there, all));
+                    return Ok(decoder.missing_images());
                 }
             }
             if self.next(info.length)? < info.length {
@@ -155,9 +153,8 @@ impl Stream {
             }
             self.front.check_chunk(index, &self.pending).with_context(|| self.name.clone())?;
             decoder.offer(info, std::mem::take(&mut self.pending)).with_context(|| self.name.clone())?;
-            there += usize::from(info.kind == Kind::Image);
         }
-        Ok((there, all))
+        Ok(decoder.missing_images())
     }
 
     /// Bytes that follow the last chunk, an error of the file; looks only as far as needed.

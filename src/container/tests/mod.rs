@@ -144,7 +144,18 @@ fn forge(header: &Header, infos: &[ChunkInfo]) -> Vec<u8> {
 }
 
 fn info(kind: Kind, first_level: u32, last_level: u32) -> ChunkInfo {
-    ChunkInfo { kind, first_level, last_level, segment: 0, segments: 1, memory: 0, offset: 0, length: 1, checksum: 0 }
+    ChunkInfo {
+        kind,
+        first_level,
+        last_level,
+        segment: 0,
+        segments: 1,
+        image: 0,
+        memory: 0,
+        offset: 0,
+        length: 1,
+        checksum: 0,
+    }
 }
 
 fn message(result: Result<impl std::fmt::Debug, ContainerError>) -> String {
@@ -371,6 +382,7 @@ fn chunks_have_to_cover_the_levels_in_order() {
             .map(|c| ChunkInfo {
                 segment: c.segment,
                 segments: c.segments,
+                image: c.image,
                 ..info(c.kind, c.first_level, c.last_level)
             })
             .collect();

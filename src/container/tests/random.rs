@@ -162,6 +162,7 @@ proptest! {
                         last_level: c.last_level,
                         segment: c.segment,
                         segments: c.segments,
+                        image: c.image,
                         memory: c.memory,
                         payload: vec![],
                     })

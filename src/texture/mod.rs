@@ -1,0 +1,209 @@
+//! Images on their way into a file: JPEG without loss in pieces, each prefix of which is a picture.
+//!
+//! A baseline file becomes a progressive one: its coefficients are read, verified to come back, and coded anew in ten scans, coarse before
+//! fine ([ITU-T T.81](https://www.w3.org/Graphics/JPEG/itu-t81.pdf), annexes F and G). All other segments stay, so do bytes behind the end. A file
+//! that is progressive already is cut as it is. Anything else stays in one piece, with a reason.
+//!
+//! This is written here, rather than bound to a C library, for three reasons: nothing below needs `unsafe`, hostile images are read by safe
+//! code alone, and the decoder can turn a progressive file into the baseline file that it was, byte by byte, without C ([`restore`]).
+//! No floating point and no transform: coefficients are only moved.
+//!
+//! Invariants: the pieces in their order are the whole file; the first of them, ended by [`END`], are a file too.
+
+mod entropy;
+mod frame;
+mod progressive;
+mod restore;
+mod sequential;
+
+pub use restore::restore;
+
+use self::frame::{Frame, Item, Parsed};
+use std::borrow::Cow;
+use thiserror::Error;
+
+/// The end marker of a JPEG file, which makes a file of its first pieces.
+pub const END: [u8; 2] = [0xFF, 0xD9];
+
+/// Bytes of coefficients that [`cut`] takes at most: 16384² pixels with halved chroma.
+pub const MAX_COEFFICIENT_BYTES: u64 = 1 << 30;
+
+/// Pieces have at least so many bytes, or the 64th part of the file: each costs some bytes of table.
+const LEAST_PIECE: usize = 512;
+
+/// What makes a file other than those that are understood. The message can be shown to a user.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("{0}")]
+pub struct Odd(pub &'static str);
+
+impl Odd {
+    /// Another kind of image, or none.
+    pub const NO_JPEG: Odd = Odd("it is no JPEG");
+}
+
+/// What was done with an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Way {
+    /// It is one piece, as it was, for this reason.
+    Kept(Odd),
+    /// It was progressive and was cut at its scans, as it was.
+    Cut,
+    /// It was baseline and became progressive, with the same coefficients.
+    Transcoded,
+}
+
+/// An image in pieces.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Pieces<'a> {
+    /// The pieces; together they are the file. They borrow from an image that stays as it was.
+    pub pieces: Vec<Cow<'a, [u8]>>,
+    /// With [`Exactness::Bytes`], for a file that was transcoded: what [`restore`] needs to give the very bytes back.
+    pub recipe: Option<Vec<u8>>,
+    /// Bytes of memory that [`restore`] takes, 0 without a recipe.
+    pub memory: u64,
+    /// What was done.
+    pub way: Way,
+}
+
+/// What has to come back of an image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Exactness {
+    /// The same coefficients, and so the same pixels; metadata too.
+    #[default]
+    Coefficients,
+    /// The same bytes.
+    Bytes,
+}
+
+/// Cut the file of an image, of any format, into pieces.
+pub fn cut(bytes: &[u8], exactness: Exactness) -> Pieces<'_> {
+    pieces(bytes, exactness).unwrap_or_else(|odd| Pieces {
+        pieces: vec![Cow::Borrowed(bytes)],
+        recipe: None,
+        memory: 0,
+        way: Way::Kept(odd),
+    })
+}
+
+fn pieces(bytes: &[u8], exactness: Exactness) -> Result<Pieces<'_>, Odd> {
+    let parsed = Parsed::new(bytes)?;
+    match parsed.process {
+        0xC2 => {
+            let pieces = split(bytes, &parsed).map(Cow::Borrowed).collect();
+            Ok(Pieces { pieces, recipe: None, memory: 0, way: Way::Cut })
+        }
+        0xC0 | 0xC1 => {
+            let (file, recipe) = transcode(bytes, &parsed, exactness)?;
+            let again = Parsed::new(&file)?;
+            let memory = match recipe {
+                Some(_) => {
+                    Frame::new(&again, MAX_COEFFICIENT_BYTES)?.bytes() + file.len() as u64 + 2 * bytes.len() as u64
+                }
+                None => 0,
+            };
+            let pieces = split(&file, &again).map(|piece| Cow::Owned(piece.to_vec())).collect();
+            Ok(Pieces { pieces, recipe, memory, way: Way::Transcoded })
+        }
+        0xC9..=0xCF => Err(Odd("it is arithmetic-coded")),
+        _ => Err(Odd("it is a lossless or hierarchical JPEG")),
+    }
+}
+
+/// The progressive file with the coefficients of a baseline one, and with [`Exactness::Bytes`] the recipe that leads back.
+fn transcode(bytes: &[u8], parsed: &Parsed<'_>, exactness: Exactness) -> Result<(Vec<u8>, Option<Vec<u8>>), Odd> {
+    let frame = Frame::new(parsed, MAX_COEFFICIENT_BYTES)?;
+    // A block takes two bits at least: dimensions prove nothing.
+    if frame.blocks() as u64 > parsed.coded_bytes() as u64 * 4 {
+        return Err(Odd("it is cut: there are fewer bytes than its blocks need"));
+    }
+    let mut coefficients = sequential::decode(parsed, &frame)?;
+    let filling = frame.take_filling(&mut coefficients);
+    let mut out = vec![0xFF, 0xD8];
+    for item in &parsed.items {
+        match *item {
+            Item::Segment { marker: 0xC0 | 0xC1, bytes } => {
+                out.extend_from_slice(&[0xFF, 0xC2]);
+                out.extend_from_slice(&bytes[2..]);
+            }
+            Item::Segment { marker, bytes } if frame::stays(marker) => out.extend_from_slice(bytes),
+            // Tables and restarts belong to the scans that were.
+            Item::Segment { .. } | Item::Scan { .. } => {}
+        }
+    }
+    progressive::encode(&frame, &coefficients, parsed.is_rgb(), &mut out);
+    out.extend_from_slice(&END);
+    out.extend_from_slice(parsed.trailer);
+    // What is promised is looked at: a file of ours that read otherwise would be a loss that nobody saw. A digest is kept instead of the
+    // coefficients, which take many times the memory of their file.
+    let before = digest(&coefficients);
+    drop(coefficients);
+    let recipe = match exactness {
+        Exactness::Coefficients => {
+            let again = Parsed::new(&out)?;
+            if digest(&progressive::decode(&again, &Frame::new(&again, MAX_COEFFICIENT_BYTES)?)?) != before {
+                return Err(Odd("its coefficients do not come back"));
+            }
+            None
+        }
+        // The same bytes prove the same coefficients.
+        Exactness::Bytes => {
+            let recipe = restore::recipe(parsed, &filling);
+            if restore(&out, &recipe, MAX_COEFFICIENT_BYTES)? != bytes {
+                return Err(Odd("its very bytes would not come back from a progressive file"));
+            }
+            Some(recipe)
+        }
+    };
+    Ok((out, recipe))
+}
+
+/// A number that tells coefficients from others.
+fn digest(blocks: &frame::Blocks) -> u64 {
+    let mut hasher = std::hash::DefaultHasher::new();
+    std::hash::Hash::hash(blocks, &mut hasher);
+    std::hash::Hasher::finish(&hasher)
+}
+
+/// Whether two files are the same image: the same bytes, or the same coefficients and segments in JPEG files that are coded in different ways.
+pub fn same_picture(a: &[u8], b: &[u8]) -> bool {
+    a == b || matches!((contents(a), contents(b)), (Ok(a), Ok(b)) if a == b)
+}
+
+/// All of a file but the way in which its coefficients are coded: segments that stay, coefficients, what follows the end.
+type Contents = (Vec<Vec<u8>>, frame::Blocks, Vec<u8>);
+
+fn contents(bytes: &[u8]) -> Result<Contents, Odd> {
+    let parsed = Parsed::new(bytes)?;
+    let frame = Frame::new(&parsed, MAX_COEFFICIENT_BYTES)?;
+    let mut blocks = match parsed.process {
+        0xC2 => progressive::decode(&parsed, &frame)?,
+        0xC0 | 0xC1 if frame.blocks() as u64 <= parsed.coded_bytes() as u64 * 4 => sequential::decode(&parsed, &frame)?,
+        _ => return Err(Odd("its coefficients are not read")),
+    };
+    frame.take_filling(&mut blocks);
+    let segments = parsed.items.iter().filter_map(|i| match *i {
+        Item::Segment { marker, bytes } if frame::stays(marker) => Some(bytes[2..].to_vec()),
+        _ => None,
+    });
+    Ok((segments.collect(), blocks, parsed.trailer.to_vec()))
+}
+
+/// Cut a file behind its scans; small pieces are joined.
+fn split<'a>(file: &'a [u8], parsed: &Parsed<'_>) -> impl Iterator<Item = &'a [u8]> {
+    let least = LEAST_PIECE.max(file.len() / 64);
+    let mut ends = Vec::new();
+    for item in &parsed.items {
+        if let Item::Scan { end, .. } = *item
+            && end - ends.last().unwrap_or(&0) >= least
+            && file.len() - end >= least
+        {
+            ends.push(end);
+        }
+    }
+    ends.push(file.len());
+    let mut from = 0;
+    ends.into_iter().map(move |end| &file[std::mem::replace(&mut from, end)..end])
+}
+
+#[cfg(test)]
+mod tests;
