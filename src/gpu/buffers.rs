@@ -49,6 +49,12 @@ impl Growing {
         self.buffer.size()
     }
 
+    /// Let the next submission begin with zeros in it.
+    #[cfg(feature = "images")]
+    pub fn clear(&self, encoder: &mut wgpu::CommandEncoder) {
+        encoder.clear_buffer(&self.buffer, 0, None);
+    }
+
     pub fn binding(&self, binding: u32) -> wgpu::BindGroupEntry<'_> {
         wgpu::BindGroupEntry { binding, resource: self.buffer.as_entire_binding() }
     }
@@ -133,15 +139,25 @@ impl Results {
         words: usize,
     ) -> Result<(), DeviceError> {
         let groups = groups(device, count)?;
-        self.bytes = (count * words * 4) as u64;
-        self.output.reserve(device, self.bytes);
-        self.readback.reserve(device, self.bytes);
-        device.check()?;
-        let gpu = &device.device;
         let mut entries = inputs.to_vec();
-        entries.push(self.output.binding(inputs.len() as u32));
-        let mut encoder = gpu.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let output = self.output(device, (count * words * 4) as u64)?;
+        entries.push(output.binding(inputs.len() as u32));
+        let mut encoder = device.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         pass(device, &mut encoder, kernel, &entries, groups);
+        self.submit(device, encoder)
+    }
+
+    /// Where so many bytes of results go.
+    pub fn output(&mut self, device: &Device, bytes: u64) -> Result<&Growing, DeviceError> {
+        self.bytes = bytes;
+        self.output.reserve(device, bytes);
+        self.readback.reserve(device, bytes);
+        device.check()?;
+        Ok(&self.output)
+    }
+
+    /// Submit what writes to [`output`](Self::output); [`wait`](Self::wait) hands it over.
+    pub fn submit(&mut self, device: &Device, mut encoder: wgpu::CommandEncoder) -> Result<(), DeviceError> {
         encoder.copy_buffer_to_buffer(&self.output.buffer, 0, &self.readback.buffer, 0, self.bytes);
         self.submission = Some(device.queue.submit([encoder.finish()]));
         device.check()?;
@@ -155,16 +171,15 @@ impl Results {
 
     /// Wait for what was dispatched, at most until the deadline.
     pub fn wait(&mut self, device: &Device) -> Result<Vec<[u32; 2]>, DeviceError> {
+        self.wait_for(device)
+    }
+
+    /// The same for results of another kind.
+    pub fn wait_for<T: bytemuck::Pod>(&mut self, device: &Device) -> Result<Vec<T>, DeviceError> {
         let (Some(submission), Some(mapped)) = (self.submission.take(), self.mapped.take()) else {
             return Err(device.failed("nothing was dispatched"));
         };
-        let wait = wgpu::PollType::Wait { submission_index: Some(submission), timeout: Some(device.options.deadline) };
-        match device.device.poll(wait) {
-            Ok(_) => {}
-            Err(wgpu::PollError::Timeout) => return Err(device.late()),
-            Err(error) => return Err(device.failed(&error.to_string())),
-        }
-        device.check()?;
+        settle(device, submission)?;
         match mapped.recv_timeout(device.options.deadline) {
             Ok(Ok(())) => {}
             Ok(Err(error)) => return Err(device.failed(&error.to_string())),
@@ -178,5 +193,15 @@ impl Results {
         self.readback.buffer.unmap();
         device.check()?;
         Ok(words)
+    }
+}
+
+/// Wait until a submission is done, at most until the deadline.
+pub fn settle(device: &Device, submission: wgpu::SubmissionIndex) -> Result<(), DeviceError> {
+    let wait = wgpu::PollType::Wait { submission_index: Some(submission), timeout: Some(device.options.deadline) };
+    match device.device.poll(wait) {
+        Ok(_) => device.check(),
+        Err(wgpu::PollError::Timeout) => Err(device.late()),
+        Err(error) => Err(device.failed(&error.to_string())),
     }
 }

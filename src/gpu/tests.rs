@@ -27,7 +27,7 @@ pub(crate) fn test_device(options: DeviceOptions) -> Option<Device> {
     }
 }
 
-fn validated(name: &str) -> naga::Module {
+pub(super) fn validated(name: &str) -> naga::Module {
     let text = compose(name);
     let module = naga::front::wgsl::parse_str(&text).unwrap_or_else(|e| panic!("{}", e.emit_to_string(&text)));
     let mut validator =
@@ -37,7 +37,7 @@ fn validated(name: &str) -> naga::Module {
 }
 
 /// Offsets and size of a struct of a shader, in bytes.
-fn layout(module: &naga::Module, name: &str) -> (Vec<(String, u32)>, u32) {
+pub(super) fn layout(module: &naga::Module, name: &str) -> (Vec<(String, u32)>, u32) {
     module
         .types
         .iter()
@@ -52,7 +52,7 @@ fn layout(module: &naga::Module, name: &str) -> (Vec<(String, u32)>, u32) {
 }
 
 /// Name of each binding, in order, and the stride of the array it is, in bytes.
-fn bindings(module: &naga::Module) -> Vec<(u32, String, u32)> {
+pub(super) fn bindings(module: &naga::Module) -> Vec<(u32, String, u32)> {
     let mut list: Vec<(u32, String, u32)> = module
         .global_variables
         .iter()

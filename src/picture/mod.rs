@@ -9,8 +9,9 @@
 mod font;
 mod material;
 mod raster;
-mod scene;
-mod texture;
+pub(crate) mod scene;
+pub(crate) mod screen;
+pub(crate) mod texture;
 mod textures;
 mod vector;
 mod view;
@@ -22,6 +23,7 @@ pub use textures::{Drawable, Textures};
 pub use view::View;
 
 use crate::mesh::Mesh;
+use crate::par;
 
 /// How faces are shaded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -37,11 +39,23 @@ pub enum Shading {
 
 /// What draws pictures.
 pub trait Renderer: Sync {
-    /// Its name, for reports.
-    fn name(&self) -> &str;
+    /// The device that draws, for reports.
+    fn name(&self) -> String;
 
     /// Draw `scene` into a picture of the given size.
     fn draw(&self, scene: &Scene, view: &View, width: u32, height: u32) -> Picture;
+
+    /// Draw `scene` from each view and hand the pictures over with the numbers of their views, in any order and from any thread.
+    fn draw_each(
+        &self,
+        scene: &Scene,
+        views: &[View],
+        width: u32,
+        height: u32,
+        each: &(dyn Fn(usize, Picture) + Sync),
+    ) {
+        par::map(views.iter().enumerate().collect(), |(i, view)| each(i, self.draw(scene, view, width, height)));
+    }
 }
 
 /// Draw a valid mesh once, with [`Cpu`].

@@ -4,37 +4,21 @@
 //! there are. Coordinates are rounded to 1/256 of a sample and edges tested in integers with the top-left rule: no sample is
 //! missed or met twice where triangles share an edge. Each sample keeps the number of the nearest triangle; colours are computed once, at the end.
 
-use super::scene::{LOOSE, NONE, Paint, Scene, Triangle};
-use super::texture::{to_linear, to_srgb};
-use super::vector::{cross, normalized, sub};
+use super::scene::{Paint, Scene, Surface as Values, Triangle};
+use super::screen::{CODES, DANGLING, EMPTY, PARTS, SAMPLES, Screen, Seen, WIRE, codes, plain_lights};
 use super::{Picture, Renderer, View};
 use crate::par;
 
-/// What is behind the mesh.
-const BACKGROUND: [u8; 3] = [38, 42, 50];
-/// Samples per pixel along each axis.
-const SAMPLES: usize = 2;
 /// Rows of samples that one task draws; a multiple of [`SAMPLES`].
 const BAND: usize = 32;
-/// Parts of a sample that coordinates are rounded to.
-const PARTS: f64 = 256.0;
-/// Coordinates beyond it, in parts, are drawn to there.
-const FAR: f64 = (1i64 << 28) as f64;
-/// From where the light comes most: right, up, towards the eye.
-const LAMP: [f64; 3] = [-0.48, 0.6, 0.64];
-
-/// Numbers of nothing and of lines in place of triangles'; those of points follow the triangles'.
-const EMPTY: u32 = u32::MAX;
-const WIRE: u32 = u32::MAX - 1;
-const DANGLING: u32 = u32::MAX - 2;
 
 /// The renderer that needs nothing but processors.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Cpu;
 
 impl Renderer for Cpu {
-    fn name(&self) -> &str {
-        "cpu"
+    fn name(&self) -> String {
+        "cpu".into()
     }
 
     fn draw(&self, scene: &Scene, view: &View, width: u32, height: u32) -> Picture {
@@ -43,16 +27,6 @@ impl Renderer for Cpu {
         let rows = par::map(bands, |band| frame.draw_band(band));
         Picture { width, height, rgb: rows.concat() }
     }
-}
-
-/// A point as it is seen: column and row in parts of a sample, depth, and how much nearer than the centre it is.
-#[derive(Clone, Copy)]
-struct Seen {
-    x: i32,
-    y: i32,
-    depth: f32,
-    near: f32,
-    there: bool,
 }
 
 /// What a band of rows has to draw.
@@ -65,11 +39,11 @@ struct Band {
 /// One picture in the making.
 struct Frame<'a> {
     scene: &'a Scene,
-    seen: Vec<Seen>,
+    screen: Screen,
     width: usize,
     height: usize,
-    lamp: [f32; 3],
-    linear_background: [f32; 3],
+    /// Of the background, wires, dangling edges.
+    plain: [[f32; 3]; 3],
     coded: Vec<u8>,
 }
 
@@ -84,27 +58,8 @@ struct Buffer {
 
 impl<'a> Frame<'a> {
     fn new(scene: &'a Scene, view: &View, width: usize, height: usize) -> Self {
-        let half = 0.5 * width.min(height) as f64;
-        let (middle_x, middle_y) = (0.5 * width as f64, 0.5 * height as f64);
-        let part = |c: f64| (c * PARTS).round().clamp(-FAR, FAR) as i32;
-        let seen = par::map(par::ranges(scene.points.len(), 1 << 14), |range| {
-            let see = |p: &[f64; 3]| match view.project(*p) {
-                Some(([x, y], depth, near)) => Seen {
-                    x: part(middle_x + half * x),
-                    y: part(middle_y - half * y),
-                    depth: depth as f32,
-                    near: near as f32,
-                    there: true,
-                },
-                None => Seen { x: 0, y: 0, depth: 0.0, near: 1.0, there: false },
-            };
-            scene.points[range].iter().map(see).collect::<Vec<Seen>>()
-        });
-        let lamp = normalized(LAMP);
-        let lamp = std::array::from_fn(|k| (0..3).map(|i| lamp[i] * view.axes[i][k]).sum::<f64>() as f32);
-        let coded = (0..=4096).map(|i| (255.0 * to_srgb(i as f32 / 4096.0) + 0.5) as u8).collect();
-        let linear_background = BACKGROUND.map(|c| to_linear(f32::from(c) / 255.0));
-        Frame { scene, seen: seen.concat(), width, height, lamp, linear_background, coded }
+        let screen = Screen::new(scene, view, width, height);
+        Frame { scene, screen, width, height, plain: plain_lights(), coded: codes() }
     }
 
     /// Sort the triangles into bands.
@@ -114,7 +69,7 @@ impl<'a> Frame<'a> {
             .map(|i| Band { first: i * BAND, rows: BAND.min(self.height - i * BAND), triangles: Vec::new() })
             .collect();
         for (i, t) in self.scene.triangles.iter().enumerate() {
-            let [a, b, c] = t.points.map(|p| self.seen[p as usize]);
+            let [a, b, c] = t.points.map(|p| self.screen.seen[p as usize]);
             if !(a.there && b.there && c.there) {
                 continue;
             }
@@ -144,31 +99,15 @@ impl<'a> Frame<'a> {
         for &i in &band.triangles {
             self.fill(&mut buffer, i);
         }
-        // Lines lie in the faces that they border; a hair's breadth lifts them out.
-        let lift = 3.0 / self.width.min(self.height).max(1) as f32;
-        for (lines, id, lift) in [(&self.scene.wires, WIRE, lift), (&self.scene.dangling, DANGLING, 0.0)] {
-            for line in lines.iter() {
-                let [a, b] = line.map(|p| self.seen[p as usize]);
-                buffer.line(a, b, lift, id);
-            }
-        }
-        for (i, (p, _)) in self.scene.isolated.iter().enumerate() {
-            let p = self.seen[*p as usize];
-            let id = (self.scene.triangles.len() + i) as u32;
-            for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-                if p.there {
-                    let place = |c: i32| i64::from(c).div_euclid(PARTS as i64);
-                    buffer.plot(place(p.x) + dx, place(p.y) + dy, p.depth, id);
-                }
-            }
-        }
+        let rows = band.first..band.first + band.rows;
+        self.screen.lines_and_points(self.scene, rows, |x, y, depth, id| buffer.plot(x, y, depth, id));
         self.resolve(&buffer)
     }
 
     /// Put a triangle into the buffer.
     fn fill(&self, buffer: &mut Buffer, number: u32) {
         let triangle = &self.scene.triangles[number as usize];
-        let Some(plane) = Plane::new(triangle.points.map(|p| self.seen[p as usize])) else { return };
+        let Some(plane) = Plane::new(triangle.points.map(|p| self.screen.seen[p as usize])) else { return };
         let paint = &self.scene.materials[triangle.material as usize];
         let cut = paint.cutoff.map(|cutoff| (cutoff, Surface::new(self, triangle, &plane)));
         let columns = samples(plane.left, plane.right, self.width);
@@ -206,7 +145,7 @@ impl<'a> Frame<'a> {
         let columns = self.width / SAMPLES;
         let mut rgb = Vec::with_capacity(3 * columns * buffer.rows / SAMPLES);
         let mut last: Option<(u32, Plane, Surface<'_>)> = None;
-        let wire = [30u8, 60, 92].map(|c| to_linear(f32::from(c) / 255.0));
+        let [background, wire, dangling] = self.plain;
         let triangles = self.scene.triangles.len();
         for y in 0..buffer.rows / SAMPLES {
             for x in 0..columns {
@@ -215,28 +154,28 @@ impl<'a> Frame<'a> {
                     let (column, row) = (x * SAMPLES + s % SAMPLES, y * SAMPLES + s / SAMPLES);
                     let id = buffer.id[row * buffer.width + column];
                     let colour = match id {
-                        EMPTY => self.linear_background,
+                        EMPTY => background,
                         WIRE => wire,
-                        DANGLING => LOOSE,
+                        DANGLING => dangling,
                         _ if id as usize >= triangles => self.scene.isolated[id as usize - triangles].1,
                         _ => {
                             if last.as_ref().is_none_or(|(known, ..)| *known != id) {
                                 let triangle = &self.scene.triangles[id as usize];
-                                last = Plane::new(triangle.points.map(|p| self.seen[p as usize]))
+                                last = Plane::new(triangle.points.map(|p| self.screen.seen[p as usize]))
                                     .map(|plane| (id, plane, Surface::new(self, triangle, &plane)));
                             }
                             match &last {
-                                Some((_, plane, surface)) => {
-                                    surface.colour(plane.weights(plane.at(column, buffer.first + row)), self.lamp)
-                                }
-                                None => self.linear_background,
+                                Some((_, plane, surface)) => surface
+                                    .colour(plane.weights(plane.at(column, buffer.first + row)), self.screen.lamp),
+                                None => background,
                             }
                         }
                     };
                     (0..3).for_each(|k| sum[k] += colour[k]);
                 }
+                let full = CODES as f32;
                 let coded =
-                    |c: f32| self.coded[(c / (SAMPLES * SAMPLES) as f32 * 4096.0 + 0.5).clamp(0.0, 4096.0) as usize];
+                    |c: f32| self.coded[(c / (SAMPLES * SAMPLES) as f32 * full + 0.5).clamp(0.0, full) as usize];
                 rgb.extend(sum.map(coded));
             }
         }
@@ -330,9 +269,7 @@ impl Plane {
 /// The values at the corners of a triangle, at hand for its samples.
 struct Surface<'a> {
     paint: &'a Paint,
-    normals: [[f32; 3]; 3],
-    colours: Option<[[f32; 4]; 3]>,
-    uvs: Option<[[f32; 2]; 3]>,
+    values: Values,
     /// The size of the texture that suits the triangle.
     size: f32,
     tint: [f32; 3],
@@ -341,40 +278,24 @@ struct Surface<'a> {
 
 impl<'a> Surface<'a> {
     fn new(frame: &Frame<'a>, triangle: &Triangle, plane: &Plane) -> Self {
-        let scene = frame.scene;
-        let paint = &scene.materials[triangle.material as usize];
-        let normals = if triangle.normals[0] == NONE {
-            let [a, b, c] = triangle.points.map(|p| scene.points[p as usize]);
-            [normalized(cross(sub(b, a), sub(c, a))).map(|c| c as f32); 3]
-        } else {
-            triangle.normals.map(|n| scene.normals[n as usize])
-        };
-        let colours = (triangle.colours[0] != NONE).then(|| triangle.colours.map(|c| scene.colours[c as usize]));
-        let mut uvs = (triangle.uvs[0] != NONE).then(|| triangle.uvs.map(|t| scene.uvs[t as usize]));
-        if let (Some(uvs), Some([u, v, offset])) = (&mut uvs, paint.transform) {
-            *uvs = uvs.map(|t| std::array::from_fn(|k| u[k] * t[0] + v[k] * t[1] + offset[k]));
-        }
-        let size = uvs.filter(|_| paint.texels > 0.0).map_or(0.0, |[a, b, c]| {
-            // The transformation is in the coordinates already.
-            let area = ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs();
-            let full = paint.texels;
-            (0.5 * (f64::from(area) * full / plane.area).max(1e-6).log2()) as f32
-        });
+        let values = frame.scene.surface(triangle);
+        let paint = &frame.scene.materials[triangle.material as usize];
+        let size = if values.texels > 0.0 { (0.5 * (values.texels / plane.area).max(1e-6).log2()) as f32 } else { 0.0 };
         let tint = match (paint.plain, plane.back) {
             (false, _) => [1.0; 3],
             (true, false) => [0.72, 0.75, 0.81],
             (true, true) => [0.62, 0.33, 0.22],
         };
-        Surface { paint, normals, colours, uvs, size, tint, back: plane.back }
+        Surface { paint, values, size, tint, back: plane.back }
     }
 
     /// Linear light and alpha before any lamp.
     fn base(&self, w: [f32; 3]) -> [f32; 4] {
         let mut base = self.paint.factor;
-        if let Some(c) = &self.colours {
+        if let Some(c) = &self.values.colours {
             (0..4).for_each(|k| base[k] *= w[0] * c[0][k] + w[1] * c[1][k] + w[2] * c[2][k]);
         }
-        if let (Some(t), Some((texture, wrap))) = (&self.uvs, self.paint.texture()) {
+        if let (Some(t), Some((texture, wrap))) = (&self.values.uvs, self.paint.texture()) {
             let [u, v] = [0, 1].map(|k| w[0] * t[0][k] + w[1] * t[1][k] + w[2] * t[2][k]);
             let value = texture.sample(u, v, self.size, wrap);
             (0..4).for_each(|k| base[k] *= value[k]);
@@ -388,8 +309,8 @@ impl<'a> Surface<'a> {
 
     /// Under a bright half of the sky around `lamp`: what a surface gets of it is (1 + cos) / 2, without shadows.
     fn colour(&self, w: [f32; 3], lamp: [f32; 3]) -> [f32; 3] {
-        let n: [f32; 3] =
-            std::array::from_fn(|k| w[0] * self.normals[0][k] + w[1] * self.normals[1][k] + w[2] * self.normals[2][k]);
+        let [a, b, c] = &self.values.normals;
+        let n: [f32; 3] = std::array::from_fn(|k| w[0] * a[k] + w[1] * b[k] + w[2] * c[k]);
         let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
         let cos = if length > 0.0 { (n[0] * lamp[0] + n[1] * lamp[1] + n[2] * lamp[2]) / length } else { 0.0 };
         // Both sides of a face are seen; a back face is lit as the front of one turned round.
@@ -409,25 +330,6 @@ impl Buffer {
                 self.depth[place] = depth;
                 self.id[place] = id;
             }
-        }
-    }
-
-    fn line(&mut self, a: Seen, b: Seen, lift: f32, id: u32) {
-        let parts = PARTS;
-        let (low, high) = (f64::from(a.y.min(b.y)) / parts, f64::from(a.y.max(b.y)) / parts);
-        if !a.there || !b.there || high < self.first as f64 || low > (self.first + self.rows) as f64 {
-            return;
-        }
-        let (from, to) =
-            ([f64::from(a.x) / parts, f64::from(a.y) / parts], [f64::from(b.x) / parts, f64::from(b.y) / parts]);
-        // Coordinates beyond the picture by more than its size would only cost time.
-        let longest = (from[0] - to[0]).abs().max((from[1] - to[1]).abs());
-        let steps = longest.ceil().clamp(1.0, 16.0 * self.width as f64);
-        for i in 0..=steps as u64 {
-            let t = i as f64 / steps;
-            let [x, y] = [0, 1].map(|k| from[k] + t * (to[k] - from[k]));
-            let depth = a.depth + t as f32 * (b.depth - a.depth) + lift;
-            self.plot(x.floor() as i64, y.floor() as i64, depth, id);
         }
     }
 }

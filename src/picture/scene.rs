@@ -10,52 +10,61 @@ use super::vector::{cross, normalized, sub};
 use crate::mesh::{Layer, LayerKind, Mesh, NO_VALUE, Stored};
 
 /// No normal, colour or texture coordinate of one's own.
-pub(super) const NONE: u32 = u32::MAX;
+pub(crate) const NONE: u32 = u32::MAX;
 
 /// Isolated vertices and dangling edges without a colour, in linear light.
-pub(super) const LOOSE: [f32; 3] = [0.83, 0.4, 0.06];
+pub(crate) const LOOSE: [f32; 3] = [0.83, 0.4, 0.06];
 
 /// A mesh, ready to be drawn from any side.
 pub struct Scene {
-    pub(super) points: Vec<[f64; 3]>,
-    pub(super) triangles: Vec<Triangle>,
-    pub(super) normals: Vec<[f32; 3]>,
+    pub(crate) points: Vec<[f64; 3]>,
+    pub(crate) triangles: Vec<Triangle>,
+    pub(crate) normals: Vec<[f32; 3]>,
     /// Linear light, and alpha.
-    pub(super) colours: Vec<[f32; 4]>,
+    pub(crate) colours: Vec<[f32; 4]>,
     /// v downwards.
-    pub(super) uvs: Vec<[f32; 2]>,
-    pub(super) materials: Vec<Paint>,
+    pub(crate) uvs: Vec<[f32; 2]>,
+    pub(crate) materials: Vec<Paint>,
     /// Dangling edges.
-    pub(super) dangling: Vec<[u32; 2]>,
+    pub(crate) dangling: Vec<[u32; 2]>,
     /// Edges of faces, for [`Shading::Wire`] only.
-    pub(super) wires: Vec<[u32; 2]>,
+    pub(crate) wires: Vec<[u32; 2]>,
     /// Isolated vertices and their colours.
-    pub(super) isolated: Vec<(u32, [f32; 3])>,
+    pub(crate) isolated: Vec<(u32, [f32; 3])>,
     warnings: Vec<String>,
 }
 
 /// A triangle: numbers into the scene's lists.
 #[derive(Clone, Copy)]
-pub(super) struct Triangle {
-    pub(super) points: [u32; 3],
-    pub(super) normals: [u32; 3],
-    pub(super) colours: [u32; 3],
-    pub(super) uvs: [u32; 3],
-    pub(super) material: u32,
+pub(crate) struct Triangle {
+    pub(crate) points: [u32; 3],
+    pub(crate) normals: [u32; 3],
+    pub(crate) colours: [u32; 3],
+    pub(crate) uvs: [u32; 3],
+    pub(crate) material: u32,
+}
+
+/// The values at the corners of a triangle, before anything is seen of it.
+pub(crate) struct Surface {
+    pub(crate) normals: [[f32; 3]; 3],
+    pub(crate) colours: Option<[[f32; 4]; 3]>,
+    pub(crate) uvs: Option<[[f32; 2]; 3]>,
+    /// Texels of the full image in twice the triangle; 0 without one.
+    pub(crate) texels: f64,
 }
 
 /// What a face is painted with.
-pub(super) struct Paint {
-    pub(super) factor: [f32; 4],
-    pub(super) cutoff: Option<f32>,
-    pub(super) texture: Option<(usize, [texture::Wrap; 2])>,
+pub(crate) struct Paint {
+    pub(crate) factor: [f32; 4],
+    pub(crate) cutoff: Option<f32>,
+    pub(crate) texture: Option<(usize, [texture::Wrap; 2])>,
     /// From texture coordinates to the image, where that is not the identity.
-    pub(super) transform: Option<[[f32; 2]; 3]>,
+    pub(crate) transform: Option<[[f32; 2]; 3]>,
     /// The image's texels in the unit square of texture coordinates.
-    pub(super) texels: f64,
-    pub(super) images: Textures,
+    pub(crate) texels: f64,
+    pub(crate) images: Textures,
     /// Without a material or colours: back faces show by their tint.
-    pub(super) plain: bool,
+    pub(crate) plain: bool,
 }
 
 impl Scene {
@@ -86,6 +95,28 @@ impl Scene {
     /// Number of triangles.
     pub fn triangles(&self) -> usize {
         self.triangles.len()
+    }
+
+    /// The values at the corners of a triangle.
+    pub(crate) fn surface(&self, triangle: &Triangle) -> Surface {
+        let paint = &self.materials[triangle.material as usize];
+        let normals = if triangle.normals[0] == NONE {
+            let [a, b, c] = triangle.points.map(|p| self.points[p as usize]);
+            [normalized(cross(sub(b, a), sub(c, a))).map(|c| c as f32); 3]
+        } else {
+            triangle.normals.map(|n| self.normals[n as usize])
+        };
+        let colours = (triangle.colours[0] != NONE).then(|| triangle.colours.map(|c| self.colours[c as usize]));
+        let mut uvs = (triangle.uvs[0] != NONE).then(|| triangle.uvs.map(|t| self.uvs[t as usize]));
+        if let (Some(uvs), Some([u, v, offset])) = (&mut uvs, paint.transform) {
+            *uvs = uvs.map(|t| std::array::from_fn(|k| u[k] * t[0] + v[k] * t[1] + offset[k]));
+        }
+        let texels = uvs.filter(|_| paint.texels > 0.0).map_or(0.0, |[a, b, c]| {
+            // The transformation is in the coordinates already.
+            let area = ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs();
+            f64::from(area) * paint.texels
+        });
+        Surface { normals, colours, uvs, texels }
     }
 
     fn collect_lines(&mut self, mesh: &Mesh, shading: Shading) {
@@ -324,7 +355,7 @@ fn materials(mesh: &Mesh, coloured: bool, textures: &Textures) -> (Vec<Paint>, V
 
 impl Paint {
     /// The decoded image and what lies beyond its edges.
-    pub(super) fn texture(&self) -> Option<(&Texture, [texture::Wrap; 2])> {
+    pub(crate) fn texture(&self) -> Option<(&Texture, [texture::Wrap; 2])> {
         let (image, wrap) = self.texture?;
         Some((self.images.get(image)?, wrap))
     }

@@ -84,7 +84,7 @@ fn whole(pixels: Pixels) -> Result<Pixels, String> {
 
 /// What lies beyond the edges of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Wrap {
+pub(crate) enum Wrap {
     Repeat,
     Clamp,
     Mirror,
@@ -92,7 +92,7 @@ pub(super) enum Wrap {
 
 impl Wrap {
     /// By the number that OpenGL and glTF give it.
-    pub(super) fn from_number(number: u64) -> Self {
+    pub(crate) fn from_number(number: u64) -> Self {
         match number {
             33071 => Wrap::Clamp,
             33648 => Wrap::Mirror,
@@ -113,18 +113,21 @@ impl Wrap {
 }
 
 /// An image in all sizes.
-pub(super) struct Texture {
-    sizes: Vec<Size>,
+pub(crate) struct Texture {
+    /// Each half of the one before, rounded down, to a single texel.
+    pub(crate) sizes: Vec<Size>,
 }
 
-struct Size {
-    width: usize,
-    height: usize,
-    texels: Vec<[u16; 4]>,
+/// An image in one of its sizes.
+pub(crate) struct Size {
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    /// Linear red, green, blue, and alpha, row by row.
+    pub(crate) texels: Vec<[u16; 4]>,
 }
 
 impl Texture {
-    pub(super) fn new(pixels: &Pixels) -> Self {
+    pub(crate) fn new(pixels: &Pixels) -> Self {
         let linear: Vec<u16> = (0..=255u8).map(|c| (to_linear(f32::from(c) / 255.0) * 65535.0 + 0.5) as u16).collect();
         let texels = pixels
             .rgba
@@ -139,12 +142,12 @@ impl Texture {
     }
 
     /// Texels of the full size.
-    pub(super) fn texels(&self) -> f64 {
+    pub(crate) fn texels(&self) -> f64 {
         self.sizes[0].texels.len() as f64
     }
 
     /// The colour and alpha at `u`, `v` (downwards), in linear light; `level` 0 is the full size, 1 half of it.
-    pub(super) fn sample(&self, u: f32, v: f32, level: f32, wrap: [Wrap; 2]) -> [f32; 4] {
+    pub(crate) fn sample(&self, u: f32, v: f32, level: f32, wrap: [Wrap; 2]) -> [f32; 4] {
         let level = level.clamp(0.0, (self.sizes.len() - 1) as f32);
         let fine = level as usize;
         let t = level - fine as f32;
@@ -194,12 +197,12 @@ impl Size {
 }
 
 /// sRGB, 0 to 1, into linear light.
-pub(super) fn to_linear(c: f32) -> f32 {
+pub(crate) fn to_linear(c: f32) -> f32 {
     if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }
 
 /// Linear light, 0 to 1, into sRGB.
-pub(super) fn to_srgb(c: f32) -> f32 {
+pub(crate) fn to_srgb(c: f32) -> f32 {
     if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 }
 }
 

@@ -5,8 +5,8 @@
 
 use super::ssim::{LEAST_SIDE, SsimError, ms_ssim};
 use crate::mesh::Mesh;
-use crate::par;
 use crate::picture::{Picture, Renderer, Scene, Shading, View};
+use std::sync::{Mutex, PoisonError};
 
 /// Cameras, at most.
 pub const MOST_VIEWS: usize = 42;
@@ -88,8 +88,9 @@ impl Snapshots {
         let count = options.views.clamp(1, MOST_VIEWS);
         let views: Vec<View> =
             directions()[..count].iter().map(|&d| View::around(mesh, d).perspective(FIELD)).collect();
-        let draw = |view: &View| renderer.draw(scene, view, options.size, options.size);
-        let pictures = par::map(views.iter().collect(), draw);
+        let pictures = in_order(|put| {
+            renderer.draw_each(scene, &views, options.size, options.size, put);
+        });
         Ok(Snapshots { warnings: scene.warnings().to_vec(), views, pictures, options: *options })
     }
 
@@ -117,11 +118,23 @@ impl Snapshots {
     /// As [`Snapshots::compare`].
     pub fn compare_scene(&self, scene: &Scene, renderer: &dyn Renderer) -> Result<Appearance, SsimError> {
         let size = self.options.size;
-        let pairs = self.views.iter().zip(&self.pictures).collect();
-        let scores = par::map(pairs, |(view, picture)| ms_ssim(picture, &renderer.draw(scene, view, size, size)));
+        let scores = in_order(|put| {
+            renderer.draw_each(scene, &self.views, size, size, &|i, picture| {
+                put(i, self.pictures.get(i).map_or(Ok(0.0), |own| ms_ssim(own, &picture)));
+            });
+        });
         let views: Vec<f64> = scores.into_iter().collect::<Result<_, _>>()?;
         Ok(Appearance { ms_ssim: views.iter().sum::<f64>() / views.len().max(1) as f64, views })
     }
+}
+
+/// What `work` hands over with numbers, from any thread, in the order of the numbers.
+fn in_order<T: Send>(work: impl FnOnce(&(dyn Fn(usize, T) + Sync))) -> Vec<T> {
+    let list = Mutex::new(Vec::new());
+    work(&|i, value| list.lock().unwrap_or_else(PoisonError::into_inner).push((i, value)));
+    let mut list = list.into_inner().unwrap_or_else(PoisonError::into_inner);
+    list.sort_by_key(|(i, _)| *i);
+    list.into_iter().map(|(_, value)| value).collect()
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ mod demo;
 mod device;
 #[cfg(feature = "gpu")]
 mod devices;
+mod draw;
 mod encode;
 mod info;
 mod ingest;

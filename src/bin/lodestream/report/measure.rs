@@ -2,6 +2,7 @@
 
 use super::Args;
 use crate::decode;
+use crate::draw::{Looks, Pen, Work};
 use crate::encode::stage_name;
 use crate::model;
 use crate::progress::Bars;
@@ -11,8 +12,8 @@ use anyhow::{Context, Result, bail};
 use lodestream::encode::{self, EncodeOptions, Progress};
 use lodestream::lattice::Quantization;
 use lodestream::mesh::Mesh;
-use lodestream::picture::{Cpu, Picture, Renderer, Scene, Shading, View};
-use lodestream::quality::{self, Geometry, Sampled, Snapshots, Weights};
+use lodestream::picture::{Picture, Scene, Shading, View};
+use lodestream::quality::{self, Geometry, Sampled, Weights};
 use lodestream::read::ReadOptions;
 use serde_json::{Value, json};
 use std::io::Cursor;
@@ -35,6 +36,8 @@ pub struct Subject {
     pub stages: Vec<(&'static str, f64)>,
     pub levels: Vec<Measured>,
     pub warnings: Vec<String>,
+    /// The device that drew the pictures.
+    pub drawn_by: String,
 }
 
 /// A level and what it is worth.
@@ -63,7 +66,7 @@ impl Subject {
 }
 
 /// Encode where need be, decode and measure one file.
-pub fn measure(path: &Path, args: &Args, bars: &Bars) -> Result<Subject> {
+pub fn measure(path: &Path, args: &Args, threads: usize, bars: &Bars) -> Result<Subject> {
     let name = path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned());
     let mut subject = Subject {
         name,
@@ -75,6 +78,7 @@ pub fn measure(path: &Path, args: &Args, bars: &Bars) -> Result<Subject> {
         stages: Vec::new(),
         levels: Vec::new(),
         warnings: Vec::new(),
+        drawn_by: String::new(),
     };
     let (source, bytes) = if model::is_lods(path) {
         (model::load(path, None, &args.machine, bars)?.mesh, shared::read_file(path)?)
@@ -112,15 +116,18 @@ pub fn measure(path: &Path, args: &Args, bars: &Bars) -> Result<Subject> {
     subject.faces = source.face_count();
     subject.bytes = bytes.len() as u64;
     subject.diagonal = quality::diagonal(&source);
-    levels(&source, bytes, args, bars, &mut subject).with_context(|| path.display().to_string())?;
+    let pictures = (usize::from(args.levels) + 1) * usize::from(args.looks.views);
+    let pen = args.device.pen(&Work { pictures, ..args.looks.work(1, subject.faces) }, threads);
+    levels(&source, bytes, args, &pen, bars, &mut subject).with_context(|| path.display().to_string())?;
+    subject.drawn_by = pen.put_down();
     Ok(subject)
 }
 
-fn levels(source: &Mesh, bytes: Vec<u8>, args: &Args, bars: &Bars, subject: &mut Subject) -> Result<()> {
+fn levels(source: &Mesh, bytes: Vec<u8>, args: &Args, pen: &Pen, bars: &Bars, subject: &mut Subject) -> Result<()> {
     let sampled = Sampled::new(source);
     let options = args.sampling.options();
-    let snapshots = (args.looks.views > 0).then(|| Snapshots::new(source, &Cpu, &args.looks.options())).transpose()?;
-    subject.warnings = snapshots.as_ref().map_or_else(Vec::new, |s| s.warnings().to_vec());
+    let mut looks = (args.looks.views > 0).then(|| Looks::new(source, pen, args.looks.options())).transpose()?;
+    subject.warnings = looks.as_ref().map_or_else(Vec::new, |s| s.warnings().to_vec());
     let view = View::front(source);
     let mut stream = Stream::new(subject.name.clone(), Box::new(Cursor::new(bytes)))?;
     let front = stream.front().clone();
@@ -139,7 +146,7 @@ fn levels(source: &Mesh, bytes: Vec<u8>, args: &Args, bars: &Bars, subject: &mut
         let decode_seconds = clock.elapsed().as_secs_f64() - measuring;
         let pause = Instant::now();
         let other = Sampled::new(&mesh);
-        let ms_ssim = snapshots.as_ref().map(|s| s.compare(&mesh, &Cpu)).transpose()?.map(|look| look.ms_ssim);
+        let ms_ssim = looks.as_mut().map(|l| l.compare(&mesh)).transpose()?.map(|look| look.ms_ssim);
         measured.push(Measured {
             level,
             vertices: mesh.vertex_count(),
@@ -149,7 +156,7 @@ fn levels(source: &Mesh, bytes: Vec<u8>, args: &Args, bars: &Bars, subject: &mut
             geometry: quality::geometry_of(&sampled, &other, &options),
             ms_ssim,
             decode_seconds,
-            picture: Cpu.draw(&Scene::new(&mesh, Shading::Flat), &view, STRIP, STRIP),
+            picture: pen.renderer().draw(&Scene::new(&mesh, Shading::Flat), &view, STRIP, STRIP),
         });
         measuring += pause.elapsed().as_secs_f64();
         bars.show("measure", measured.len() as u64, wanted.len() as u64);
@@ -220,6 +227,7 @@ pub fn json(subjects: &[Subject], args: &Args, threads: usize) -> Value {
             "seconds": pairs(&s.stages),
             "levels": s.levels.iter().map(|l| level(s, l)).collect::<Vec<_>>(),
             "warnings": s.warnings,
+            "device": s.drawn_by,
         })
     };
     json!({
@@ -228,7 +236,7 @@ pub fn json(subjects: &[Subject], args: &Args, threads: usize) -> Value {
             "samples": options.samples,
             "weights": match options.weights { Weights::Area => "area", Weights::Samples => "samples" },
         },
-        "views": { "count": args.looks.views, "size": args.looks.size, "renderer": Cpu.name() },
+        "views": { "count": args.looks.views, "size": args.looks.size },
         "position_bits": args.position_bits,
         "threads": threads,
     })

@@ -6,6 +6,7 @@ mod page;
 
 use crate::Outcome;
 use crate::compare::{Looks, Sampling};
+use crate::draw::DrawArgs;
 use crate::output::Output;
 use crate::progress::Bars;
 use crate::shared::{self, Machine};
@@ -41,6 +42,8 @@ pub struct Args {
     #[command(flatten)]
     looks: Looks,
     #[command(flatten)]
+    device: DrawArgs,
+    #[command(flatten)]
     machine: Machine,
     /// Print the JSON object too
     #[arg(long)]
@@ -56,7 +59,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
         let bars = Bars::new(!args.json);
         let mut subjects: Vec<Subject> = Vec::new();
         for path in &args.inputs {
-            subjects.push(measure::measure(path, args, &bars)?);
+            subjects.push(measure::measure(path, args, threads, &bars)?);
         }
         bars.finish();
         let json = measure::json(&subjects, args, threads);
