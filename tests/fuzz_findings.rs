@@ -1,6 +1,8 @@
 //! Replays every file under `fuzz/findings/<target>/` through its reader: what was trouble once stays mended.
 #![cfg(feature = "formats")]
 
+#[path = "common/picture.rs"]
+mod picture;
 #[path = "common/repair.rs"]
 mod repair;
 
@@ -61,6 +63,21 @@ fn findings_of_the_decoder_stay_mended() {
         if repair::repair(&mut bytes).is_some() {
             repair::decode(&bytes);
         }
+        replayed += 1;
+    }
+    assert!(replayed > 0, "no findings in {}", folder.display());
+}
+
+#[test]
+fn findings_of_images_stay_mended() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/findings/texture");
+    if !folder.exists() {
+        eprintln!("skipped: findings_of_images_stay_mended (there is no {})", folder.display());
+        return;
+    }
+    let mut replayed = 0;
+    for entry in fs::read_dir(&folder).unwrap() {
+        picture::check(&fs::read(entry.unwrap().path()).unwrap());
         replayed += 1;
     }
     assert!(replayed > 0, "no findings in {}", folder.display());

@@ -234,7 +234,8 @@ fn work(
         job.survey = read::survey(Cursor::new(&bytes), format).map_err(|e| Failure::reading(name, &e))?;
     }
     // Images beside the source are known only now.
-    let charge = predict::peak(&job.survey, bytes.len() as u64, beside.images, job.settings.drop, around.verify);
+    let pictures = [beside.images, beside.coefficients];
+    let charge = predict::peak(&job.survey, bytes.len() as u64, pictures, job.settings.drop, around.verify);
     if charge != job.charge {
         if charge > around.memory {
             return Err(too_large(name, charge, around.memory));

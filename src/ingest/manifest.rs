@@ -2,13 +2,14 @@
 //!
 //! A manifest is read and checked as a whole before any work starts; every error names its line. Fields, the same in all
 //! three: `source` (needed), `output`, `position_bits`, `position_step`, `origin`, `uv_bits`, `uv_step`, `normal_bits`,
-//! `color_bits`, `scalar_bits`, `lock_borders`, `weld`, `drop`. What an entry leaves out is as the command line says; TOML has a table `[defaults]` in between, and one `[[job]]` for each file.
+//! `color_bits`, `scalar_bits`, `lock_borders`, `exact_images`, `schedule`, `weld`, `drop`. What an entry leaves out is as the command line says; TOML has a table `[defaults]` in between, and one `[[job]]` for each file.
 
 use super::error::IngestError;
 use super::location::{is_plain, output_name};
 use super::settings::{DROP_NAMES, Settings, drop_set};
 use crate::lattice::Quantization;
 use crate::quantizer::Precision;
+use crate::texture::Exactness;
 use serde::Deserialize;
 use std::collections::HashMap;
 use std::path::Path;
@@ -41,6 +42,8 @@ struct Entry {
     color_bits: Option<i64>,
     scalar_bits: Option<i64>,
     lock_borders: Option<bool>,
+    exact_images: Option<bool>,
+    schedule: Option<String>,
     weld: Option<bool>,
     drop: Option<Words>,
 }
@@ -196,6 +199,12 @@ fn job(line: u64, entry: Entry, base: &Settings) -> Result<Job, String> {
     if let Some(lock) = entry.lock_borders {
         settings.encode.lock_borders = lock;
     }
+    if let Some(exact) = entry.exact_images {
+        settings.encode.images = if exact { Exactness::Bytes } else { Exactness::Coefficients };
+    }
+    if let Some(schedule) = entry.schedule {
+        settings.encode.schedule = schedule.trim().parse().map_err(|e: String| format!("schedule: {e}"))?;
+    }
     settings.weld = entry.weld.or(settings.weld);
     if let Some(words) = entry.drop {
         let words = match words {
@@ -239,7 +248,7 @@ fn csv_entries(text: &str, errors: &mut Errors<'_>) -> Vec<(u64, Entry)> {
             return entries;
         }
     };
-    const KNOWN: [&str; 13] = [
+    const KNOWN: [&str; 15] = [
         "source",
         "output",
         "position_bits",
@@ -251,6 +260,8 @@ fn csv_entries(text: &str, errors: &mut Errors<'_>) -> Vec<(u64, Entry)> {
         "color_bits",
         "scalar_bits",
         "lock_borders",
+        "exact_images",
+        "schedule",
         "weld",
         "drop",
     ];
@@ -330,6 +341,8 @@ fn csv_entry(headers: &csv::StringRecord, record: &csv::StringRecord) -> Result<
             "color_bits" => entry.color_bits = Some(field.parse().map_err(|_| number())?),
             "scalar_bits" => entry.scalar_bits = Some(field.parse().map_err(|_| number())?),
             "lock_borders" => entry.lock_borders = Some(flag()?),
+            "exact_images" => entry.exact_images = Some(flag()?),
+            "schedule" => entry.schedule = Some(field.to_string()),
             "weld" => entry.weld = Some(flag()?),
             _ => entry.drop = Some(Words::Text(field.to_string())),
         }
@@ -402,6 +415,8 @@ fn toml_entries(text: &str, errors: &mut Errors<'_>) -> Vec<(u64, Entry)> {
         entry.color_bits = entry.color_bits.or(base.color_bits);
         entry.scalar_bits = entry.scalar_bits.or(base.scalar_bits);
         entry.lock_borders = entry.lock_borders.or(base.lock_borders);
+        entry.exact_images = entry.exact_images.or(base.exact_images);
+        entry.schedule = entry.schedule.or_else(|| base.schedule.clone());
         entry.weld = entry.weld.or(base.weld);
         entry.drop = entry.drop.or_else(|| base.drop.clone());
         entries.push((line, entry));
@@ -422,17 +437,17 @@ mod tests {
 
     #[test]
     fn the_three_kinds_say_the_same() {
-        let csv = "source,output,position_bits,position_step,origin,lock_borders,weld,drop,uv_bits,uv_step,normal_bits,color_bits,scalar_bits\n\
-                   a/one.ply,,14,,,,,,15,,,,\n\
+        let csv = "source,output,position_bits,position_step,origin,lock_borders,weld,drop,uv_bits,uv_step,normal_bits,color_bits,scalar_bits,exact_images,schedule\n\
+                   a/one.ply,,14,,,,,,15,,,,,,\n\
                    # a comment\n\
-                   two.obj,x/two,,0.001,\"1,2,3\",true,no,\"uvs,normals\",,0.5,12,10,20\n";
+                   two.obj,x/two,,0.001,\"1,2,3\",true,no,\"uvs,normals\",,0.5,12,10,20,yes,linear\n";
         let jsonl = "{\"source\":\"a/one.ply\",\"position_bits\":14,\"uv_bits\":15}\n\n\n\
                      {\"source\":\"two.obj\",\"output\":\"x/two\",\"position_step\":0.001,\"origin\":[1,2,3],\
                      \"lock_borders\":true,\"weld\":false,\"drop\":[\"uvs\",\"normals\"],\
-                     \"uv_step\":0.5,\"normal_bits\":12,\"color_bits\":10,\"scalar_bits\":20}\n";
+                     \"uv_step\":0.5,\"normal_bits\":12,\"color_bits\":10,\"scalar_bits\":20,\"exact_images\":true,\"schedule\":\"linear\"}\n";
         let toml = "[[job]]\nsource = \"a/one.ply\"\nposition_bits = 14\nuv_bits = 15\n[[job]]\nsource = \"two.obj\"\noutput = \"x/two\"\n\
                     position_step = 0.001\norigin = [1.0, 2.0, 3.0]\nlock_borders = true\nweld = false\ndrop = \"uvs normals\"\n\
-                    uv_step = 0.5\nnormal_bits = 12\ncolor_bits = 10\nscalar_bits = 20\n";
+                    uv_step = 0.5\nnormal_bits = 12\ncolor_bits = 10\nscalar_bits = 20\nexact_images = true\nschedule = \"linear\"\n";
         let read = |kind, text: &str| parse("jobs", kind, text.as_bytes(), &Settings::default()).unwrap();
         let jobs = read("csv", csv);
         assert_eq!(
@@ -446,6 +461,7 @@ mod tests {
         assert_eq!(jobs[0].settings.encode.uv, Precision::Bits(15));
         let e = &jobs[1].settings.encode;
         assert_eq!((e.uv, e.normal_bits, e.color_bits, e.scalar_bits), (Precision::Step(0.5), 12, 10, 20));
+        assert_eq!((e.images, e.schedule), (Exactness::Bytes, crate::encode::Schedule::Linear));
         assert_eq!(Ok(jobs[1].settings.drop), drop_set(["uvs", "normals"]));
         let strip = |jobs: Vec<Job>| jobs.into_iter().map(|j| Job { line: 0, ..j }).collect::<Vec<_>>();
         assert_eq!(strip(read("jsonl", jsonl)), strip(jobs.clone()));
@@ -482,13 +498,13 @@ mod tests {
         assert_eq!(list.len(), expected.len());
         assert_eq!(
             errors("csv", "file,bits\na,1\n")[0],
-            "jobs, line 1: the column \"file\" is not known; known are source, output, position_bits, position_step, origin, uv_bits, uv_step, normal_bits, color_bits, scalar_bits, lock_borders, weld, drop"
+            "jobs, line 1: the column \"file\" is not known; known are source, output, position_bits, position_step, origin, uv_bits, uv_step, normal_bits, color_bits, scalar_bits, lock_borders, exact_images, schedule, weld, drop"
         );
         // Fields are read before they are understood: the order of the errors is not that of the lines.
         let mut list = errors(
             "csv",
-            "source,uv_bits,uv_step,normal_bits,color_bits,scalar_bits\na.ply,25,,,,\nb.ply,,-1,,,\nc.ply,12,0.1,,,\n\
-                 d.ply,,,1,,\ne.ply,,,,17,\nf.ply,,,,,x\n",
+            "source,uv_bits,uv_step,normal_bits,color_bits,scalar_bits,schedule\na.ply,25,,,,,\nb.ply,,-1,,,,\nc.ply,12,0.1,,,,\n\
+                 d.ply,,,1,,,\ne.ply,,,,17,,\nf.ply,,,,,x,\ng.ply,,,,,,last\n",
         );
         list.sort();
         assert_eq!(
@@ -500,6 +516,7 @@ mod tests {
                 "jobs, line 5: normal_bits is a number from 2 to 16",
                 "jobs, line 6: color_bits is a number from 1 to 16",
                 "jobs, line 7: scalar_bits is a number, not \"x\"",
+                "jobs, line 8: schedule: \"last\" is no order of chunks; use mesh-first, texture-first or linear",
             ]
         );
     }

@@ -31,14 +31,17 @@ const HISTORY: u64 = 90;
 /// Vertices from which a file gets all cores to itself.
 pub const LARGE: u64 = 2_000_000;
 
-/// The peak of one file, beyond what the process takes without it. `stored`: bytes of the file as it is stored; `images`: of
-/// the images beside it; `drop`: what is left out on reading; `verify`: whether the output is decoded and compared.
-pub fn peak(s: &Survey, stored: u64, images: u64, drop: DropSet, verify: bool) -> u64 {
+/// The peak of one file, beyond what the process takes without it. `stored`: bytes of the file as it is stored; `beside`: of
+/// the images beside it, and of the coefficients of the largest; `drop`: what is left out on reading; `verify`: whether the output is decoded and compared.
+pub fn peak(s: &Survey, stored: u64, beside: [u64; 2], drop: DropSet, verify: bool) -> u64 {
     let dot = |a: &[u64], b: &[u64]| a.iter().zip(b).fold(0u64, |sum, (x, y)| sum.saturating_add(x.saturating_mul(*y)));
     let values = s.carried(drop);
     let of_layers = values.layers.saturating_mul(s.corners);
     let isolated = s.vertices.saturating_sub(s.corners);
-    let images = if drop.images || drop.materials { 0 } else { images.saturating_add(s.images) };
+    let [images, coefficients] = match drop.images || drop.materials {
+        true => [0, 0],
+        false => [beside[0].saturating_add(s.images), beside[1].max(s.coefficients)],
+    };
     let mesh = dot(&MESH, &[s.vertices, s.corners, s.elements, s.records])
         .saturating_add(dot(&LAYERS, &[values.numbers, of_layers]))
         .saturating_add(images);
@@ -59,9 +62,12 @@ pub fn peak(s: &Survey, stored: u64, images: u64, drop: DropSet, verify: bool) -
         .saturating_add(records)
         .saturating_add(images);
 
-    // The output holds the images once more; verifying has it, what was pushed into a decoder, and the decoded mesh.
-    let copies = if verify { 3 } else { 1 };
-    let writing = dot(&[HISTORY, copies], &[s.vertices, images]).saturating_add(mesh);
+    // Images are cut one after another: the pieces of all are there, and the new file and the coefficients of one. Then
+    // they go from their pieces into the output. Verifying has that, what was pushed into a decoder, and the decoded mesh; it compares the
+    // coefficients of both.
+    let cutting = dot(&[2, 1], &[images, coefficients]);
+    let verifying = if verify { dot(&[3, 2], &[images, coefficients]) } else { 0 };
+    let writing = HISTORY.saturating_mul(s.vertices).saturating_add(mesh).saturating_add(cutting.max(verifying));
     reading.max(encoding).max(writing).saturating_add(DOCUMENT.saturating_mul(s.document))
 }
 

@@ -24,7 +24,7 @@ pub struct Parsed<'a> {
     /// The marker of the frame, which names the process.
     pub process: u8,
     /// The body of the frame's segment.
-    frame: &'a [u8],
+    pub frame: &'a [u8],
 }
 
 /// Whether a segment of this kind belongs to the picture rather than to scans.

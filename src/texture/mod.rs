@@ -20,6 +20,7 @@ pub use restore::restore;
 
 use self::frame::{Frame, Item, Parsed};
 use std::borrow::Cow;
+use std::io::Read;
 use thiserror::Error;
 
 /// The end marker of a JPEG file, which makes a file of its first pieces.
@@ -27,6 +28,9 @@ pub const END: [u8; 2] = [0xFF, 0xD9];
 
 /// Bytes of coefficients that [`cut`] takes at most: 16384² pixels with halved chroma.
 pub const MAX_COEFFICIENT_BYTES: u64 = 1 << 30;
+
+/// Bytes of coefficients for each byte of a file, at most: a block of 64 coefficients takes two bits.
+pub const MOST_COEFFICIENTS: u64 = 512;
 
 /// Pieces have at least so many bytes, or the 64th part of the file: each costs some bytes of table.
 const LEAST_PIECE: usize = 512;
@@ -83,6 +87,39 @@ pub fn cut(bytes: &[u8], exactness: Exactness) -> Pieces<'_> {
         memory: 0,
         way: Way::Kept(odd),
     })
+}
+
+/// Bytes of the coefficients that [`cut`] holds while it codes a file anew, of which `input` gives the beginning; `None` for one that it does
+/// not code anew. Reads as far as the frame.
+pub fn coefficient_bytes(input: &mut impl Read) -> Option<u64> {
+    let mut start = [0; 2];
+    input.read_exact(&mut start).ok()?;
+    if start != [0xFF, 0xD8] {
+        return None;
+    }
+    loop {
+        let mut head = [0; 4];
+        input.read_exact(&mut head).ok()?;
+        while head[..2] == [0xFF; 2] {
+            // Bytes that fill up stand before markers.
+            head.copy_within(1.., 0);
+            input.read_exact(&mut head[3..]).ok()?;
+        }
+        let &[0xFF, process, ref length @ ..] = &head else { return None };
+        let length = u16::from_be_bytes(*length).checked_sub(2)? as u64;
+        match process {
+            0xC0 | 0xC1 => {
+                let mut frame = Vec::new();
+                input.take(length).read_to_end(&mut frame).ok()?;
+                let parsed = Parsed { items: Vec::new(), trailer: &[], process, frame: &frame };
+                return Frame::new(&parsed, MAX_COEFFICIENT_BYTES).ok().map(|frame| frame.bytes());
+            }
+            0xC4 | 0xDB | 0xDD | 0xE0..=0xEF | 0xFE => {
+                std::io::copy(&mut input.take(length), &mut std::io::sink()).ok()?;
+            }
+            _ => return None,
+        }
+    }
 }
 
 fn pieces(bytes: &[u8], exactness: Exactness) -> Result<Pieces<'_>, Odd> {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::fs::File;
-use std::io::{self, Read, Seek, SeekFrom};
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use serde_json::Value;
@@ -11,6 +11,7 @@ use super::super::gltf::meaning;
 use super::super::percent_decode;
 use super::Survey;
 use super::distinct::Distinct;
+use crate::texture::{MOST_COEFFICIENTS, coefficient_bytes};
 
 /// The most JSON that is parsed for a survey.
 const MOST: u64 = 64 << 20;
@@ -142,6 +143,28 @@ pub(super) fn survey(input: &mut (impl Read + Seek), size: u64, folder: Option<&
             _ => None,
         }
     });
+    for image in doc.get("images").and_then(Value::as_array).into_iter().flatten() {
+        let coefficients = int(image, "bufferView").and_then(|view| {
+            let view = item(&doc, "bufferViews", view)?;
+            let (start, bytes) = (int(view, "byteOffset").unwrap_or(0), int(view, "byteLength")?);
+            let number = int(view, "buffer")?;
+            let told = match item(&doc, "buffers", number)?.get("uri").and_then(Value::as_str) {
+                None if number == 0 => {
+                    input.seek(SeekFrom::Start(start.checked_add(chunk)?)).ok()?;
+                    coefficient_bytes(&mut Read::take(&mut *input, bytes))
+                }
+                Some(uri) if !uri.starts_with("data:") => {
+                    let name = percent_decode(uri).unwrap_or_else(|| uri.to_string());
+                    let mut file = File::open(folder?.join(name)).ok()?;
+                    file.seek(SeekFrom::Start(start)).ok()?;
+                    coefficient_bytes(&mut BufReader::new(file).take(bytes))
+                }
+                _ => None,
+            };
+            told.map(|coefficients| coefficients.min(bytes.saturating_mul(MOST_COEFFICIENTS)))
+        });
+        s.coefficients = s.coefficients.max(coefficients.unwrap_or(0));
+    }
     s.document = length;
     s.unpacked = size.saturating_add(outside);
     s.images = s.images.min(s.unpacked);

@@ -58,6 +58,8 @@ pub struct Survey {
     pub document: u64,
     /// Bytes of the images inside the file.
     pub images: u64,
+    /// Bytes of the coefficients of the largest JPEG inside the file that is coded anew.
+    pub coefficients: u64,
     /// Attributes, by the place of their kind in `KINDS`; see [`Survey::carried`].
     pub(crate) attributes: [Values; 5],
     /// Whether the file itself was seen (or its header told all); else the counts are usual ones for its size.
