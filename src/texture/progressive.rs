@@ -11,28 +11,25 @@ struct Scan {
     bits: [u8; 2],
 }
 
-/// The scans of a picture, coarse before fine: the order that libjpeg and others have found good.
+/// The scans of a picture, coarse before fine. First coefficients come whole: their last bit, which is not compressed where it comes
+/// alone, costs up to a fifth of a smooth picture. The last bit of the others, up to half of a fine one, comes in two bands.
 fn script(frame: &Frame, rgb: bool) -> Vec<Scan> {
     let all: Vec<usize> = (0..frame.components.len()).collect();
-    let mut out = Vec::new();
-    let first = |out: &mut Vec<Scan>, bits| {
-        let lists = if frame.interleaves(&all) { vec![all.clone()] } else { all.iter().map(|&c| vec![c]).collect() };
-        out.extend(lists.into_iter().map(|list| Scan { list, band: [0, 0], bits }));
-    };
     let band = |c: usize, band, bits| Scan { list: vec![c], band, bits };
-    first(&mut out, [0, 1]);
+    let lists = if frame.interleaves(&all) { vec![all.clone()] } else { all.iter().map(|&c| vec![c]).collect() };
+    let mut out: Vec<Scan> = lists.into_iter().map(|list| Scan { list, band: [0, 0], bits: [0, 0] }).collect();
     if all.len() == 3 && !rgb {
         // Luma first and last: the eye sees it best, and it is most of the bytes.
-        out.extend([band(0, [1, 5], [0, 2]), band(2, [1, 63], [0, 1]), band(1, [1, 63], [0, 1])]);
-        out.extend([band(0, [6, 63], [0, 2]), band(0, [1, 63], [2, 1])]);
-        first(&mut out, [1, 0]);
-        out.extend([2, 1, 0].map(|c| band(c, [1, 63], [1, 0])));
+        out.extend([band(0, [1, 8], [0, 2]), band(2, [1, 63], [0, 1]), band(1, [1, 63], [0, 1])]);
+        out.extend([band(0, [9, 63], [0, 2]), band(0, [1, 63], [2, 1])]);
+        out.extend([band(2, [1, 63], [1, 0]), band(1, [1, 63], [1, 0])]);
+        out.extend([band(0, [1, 14], [1, 0]), band(0, [15, 63], [1, 0])]);
     } else {
-        out.extend(all.iter().map(|&c| band(c, [1, 5], [0, 2])));
-        out.extend(all.iter().map(|&c| band(c, [6, 63], [0, 2])));
-        out.extend(all.iter().map(|&c| band(c, [1, 63], [2, 1])));
-        first(&mut out, [1, 0]);
-        out.extend(all.iter().map(|&c| band(c, [1, 63], [1, 0])));
+        for (of, bits) in
+            [([1, 8], [0, 2]), ([9, 63], [0, 2]), ([1, 63], [2, 1]), ([1, 14], [1, 0]), ([15, 63], [1, 0])]
+        {
+            out.extend(all.iter().map(|&c| band(c, of, bits)));
+        }
     }
     out
 }
@@ -74,14 +71,13 @@ fn write_scan<S: Sink>(frame: &Frame, scan: &Scan, blocks: &Blocks, sink: &mut S
     let _ = frame.visit(&scan.list, |_, k, at| {
         let block = &blocks[at];
         match (from, scan.bits[0]) {
-            (0, 0) => {
-                let value = block[0] as i32 >> low;
+            (0, _) => {
+                let value = block[0] as i32;
                 let (n, bits) = sized(value - before[k]);
                 before[k] = value;
                 sink.symbol(table(scan.list[k]), n as u8);
                 sink.bits(bits, n);
             }
-            (0, _) => sink.bits((block[0] as i32 >> low) as u32 & 1, 1),
             (_, 0) => band.first(sink, &block[from..=to], low),
             _ => band.refine(sink, &block[from..=to], low),
         }
