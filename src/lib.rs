@@ -33,6 +33,8 @@ pub mod quantizer;
 pub mod metric;
 #[cfg(feature = "formats")]
 pub mod read;
+#[cfg(feature = "recompress")]
+pub mod recompress;
 #[cfg(feature = "encode")]
 pub mod simplify;
 pub mod texture;

@@ -379,6 +379,65 @@ fn textures_come_in_pieces() {
 }
 
 #[test]
+fn textures_become_jpeg_where_that_is_asked_for() {
+    let scratch = Scratch::new("recompressed");
+    scratch
+        .write("t.obj", "mtllib t.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3\n");
+    scratch.write("t.mtl", "newmtl a\nmap_Kd a.png\nnorm n.png\nmap_Ke glow.png\n");
+    let png = |name: &str, color: png::ColorType| {
+        let channels = color.samples() as u32;
+        let mut noise = 7u32;
+        let mut pixel = |i: u32| {
+            noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (i % (200 * channels) / 5 + i / (1000 * channels) + (noise >> 29)) as u8
+        };
+        let pixels: Vec<u8> = (0..200 * 200 * channels).map(&mut pixel).collect();
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, 200, 200);
+        encoder.set_color(color);
+        encoder.write_header().unwrap().write_image_data(&pixels).unwrap();
+        std::fs::write(scratch.path(name), &bytes).unwrap();
+        bytes
+    };
+    png("a.png", png::ColorType::Rgb);
+    png("n.png", png::ColorType::Rgb);
+    let glow = png("glow.png", png::ColorType::Rgba);
+
+    // Not unless it is asked for.
+    lodestream(scratch.folder(), "encode t.obj -o exact.lods").ok();
+    let run = lodestream(scratch.folder(), "verify exact.lods --against t.obj").ok();
+    assert!(!run.stdout.contains("not kept"), "{}", run.stdout);
+
+    let run = lodestream(scratch.folder(), "encode t.obj -o t.lods --texture jpeg:90");
+    assert_eq!(
+        (run.code, run.stderr.as_str()),
+        (0, "lodestream: warning: t.obj: glow.png: kept as it is: it has alpha\n")
+    );
+    assert!(run.stdout.contains("2 of 3 that were no JPEG are one now, not exact: "), "{}", run.stdout);
+    let told =
+        lodestream(scratch.folder(), "encode t.obj -o t.lods --texture jpeg:90 --json").json()["recompressed"].clone();
+    let rows: Vec<_> =
+        told.as_array().unwrap().iter().map(|r| (&r["name"], &r["sampling"], &r["kept_because"])).collect();
+    assert_eq!(rows[0], (&"a.png".into(), &"4:2:0".into(), &serde_json::Value::Null));
+    assert_eq!(rows[1], (&"n.png".into(), &"4:4:4".into(), &serde_json::Value::Null));
+    assert_eq!(rows[2], (&"glow.png".into(), &serde_json::Value::Null, &"it has alpha".into()));
+    let run = lodestream(scratch.folder(), "verify t.lods --against t.obj").ok();
+    let says = "the pixels of \"a.png\", which is a JPEG now, the pixels of \"n.png\", which is a JPEG now";
+    assert!(run.stdout.contains(says), "{}", run.stdout);
+
+    // Files are named by what they are, and materials name them so.
+    std::fs::create_dir(scratch.path("out")).unwrap();
+    lodestream(scratch.folder(), "decode t.lods -o out/t.obj").ok();
+    assert!(std::fs::read(scratch.path("out/a.jpg")).unwrap().starts_with(&[0xFF, 0xD8]));
+    assert_eq!(std::fs::read(scratch.path("out/glow.png")).unwrap(), glow);
+    let library = std::fs::read_to_string(scratch.path("out/t.mtl")).unwrap();
+    assert!(library.contains("map_Kd a.jpg\nnorm n.jpg\nmap_Ke glow.png\n"), "{library}");
+
+    let run = lodestream(scratch.folder(), "encode t.obj -o t.lods --texture jpeg");
+    assert!(run.code == 2 && run.stderr.contains("is not keep or jpeg:QUALITY from 1 to 100"), "{}", run.stderr);
+}
+
+#[test]
 fn help_has_examples() {
     let scratch = Scratch::new("help");
     for words in ["--help", "encode --help", "decode --help", "info --help", "verify --help", "demo --help"] {

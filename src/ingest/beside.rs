@@ -10,7 +10,7 @@ use super::location::Object;
 use super::stamp::{checksum_with, source_checksum};
 use super::store::Store;
 use crate::read::{DropSet, Format, find_beside, mtl, percent_decode};
-use crate::texture::{MOST_COEFFICIENTS, coefficient_bytes};
+use crate::texture::Working;
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
 use std::borrow::Cow;
@@ -38,8 +38,8 @@ pub(super) struct Beside {
     pub bytes: u64,
     /// Those of images, which stay in memory until the output is written.
     pub images: u64,
-    /// Bytes of the coefficients of the largest JPEG among them that is coded anew.
-    pub coefficients: u64,
+    /// What work on the largest of them takes.
+    pub working: Working,
     /// Where the reader looks for them; `None`: there are none.
     pub folder: Option<PathBuf>,
     /// SHA-256 of the source and of these files, see `FORMAT.md`, "Source stamp".
@@ -61,7 +61,7 @@ impl Beside {
             Object::Stored(store, key) => Place::Store { store, key, held: None },
         };
         let mut parts = Vec::new();
-        let (mut bytes, mut images, mut coefficients) = (0, 0, 0);
+        let (mut bytes, mut images, mut working) = (0, 0, Working::default());
         let mut wanted = references(document, format, drop);
         let mut seen = BTreeSet::new();
         let mut at = 0;
@@ -79,8 +79,9 @@ impl Beside {
             bytes += part.bytes;
             if kind == Kind::Image {
                 images += part.bytes;
-                let told = File::open(&part.path).ok().and_then(|file| coefficient_bytes(&mut BufReader::new(file)));
-                coefficients = told.unwrap_or(0).min(part.bytes.saturating_mul(MOST_COEFFICIENTS)).max(coefficients);
+                let file = File::open(&part.path).ok();
+                working =
+                    working.max(file.map_or(Working::default(), |f| Working::of(&mut BufReader::new(f), part.bytes)));
             }
             if kind == Kind::Library && !drop.images {
                 let library = std::fs::read(&part.path).unwrap_or_default();
@@ -93,7 +94,7 @@ impl Beside {
             Place::Store { key, held: Some(held), .. } => (Some(held.path().join(folder_of(key))), Some(held)),
             Place::Store { .. } => (None, None),
         };
-        Ok(Beside { bytes, images, coefficients, folder, checksum, _held })
+        Ok(Beside { bytes, images, working, folder, checksum, _held })
     }
 }
 

@@ -14,6 +14,7 @@ use crate::decode::{DecodeOptions, Decoder, Step};
 use crate::encode::{self, EncodeError, Encoded};
 use crate::metric::Engine;
 use crate::read::{self, Format, ReadError, ReadErrorKind, ReadMesh, ReadOptions, Survey};
+use crate::recompress::recompress;
 use rayon::ThreadPool;
 use serde::Serialize;
 use std::io::Cursor;
@@ -234,8 +235,8 @@ fn work(
         job.survey = read::survey(Cursor::new(&bytes), format).map_err(|e| Failure::reading(name, &e))?;
     }
     // Images beside the source are known only now.
-    let pictures = [beside.images, beside.coefficients];
-    let charge = predict::peak(&job.survey, bytes.len() as u64, pictures, job.settings.drop, around.verify);
+    let pictures = (beside.images, beside.working);
+    let charge = predict::peak(&job.survey, bytes.len() as u64, pictures, &job.settings, around.verify);
     if charge != job.charge {
         if charge > around.memory {
             return Err(too_large(name, charge, around.memory));
@@ -305,10 +306,13 @@ fn compute(
         let kind = ReadErrorKind::WrongMagic { format: "gzip", expected: "1f 8b", found: "something else".to_string() };
         return Err(read_failure(ReadError { name: name.to_string(), place: None, kind }));
     }
-    let read = read::read_bytes(&bytes, format, beside.folder.as_deref(), &options)
+    let mut read = read::read_bytes(&bytes, format, beside.folder.as_deref(), &options)
         .map_err(|e| read_failure(ReadError { name: name.to_string(), ..e }))?;
     drop(bytes);
     job.record.warnings = read.warnings.iter().map(ToString::to_string).collect();
+    // Not a warning of the reader, and still what somebody who looks at the output has to know.
+    let recompressed = recompress(&mut read.mesh.appearance, job.settings.textures);
+    job.record.warnings.extend(recompressed.iter().map(ToString::to_string));
     job.record.vertices = read.mesh.vertex_count() as u64;
     job.record.faces = read.mesh.face_count() as u64;
     job.record.seconds.read = since(clock);

@@ -2,7 +2,7 @@
 //!
 //! A manifest is read and checked as a whole before any work starts; every error names its line. Fields, the same in all
 //! three: `source` (needed), `output`, `position_bits`, `position_step`, `origin`, `uv_bits`, `uv_step`, `normal_bits`,
-//! `color_bits`, `scalar_bits`, `lock_borders`, `exact_images`, `schedule`, `weld`, `drop`. What an entry leaves out is as the command line says; TOML has a table `[defaults]` in between, and one `[[job]]` for each file.
+//! `color_bits`, `scalar_bits`, `lock_borders`, `exact_images`, `schedule`, `texture`, `weld`, `drop`. What an entry leaves out is as the command line says; TOML has a table `[defaults]` in between, and one `[[job]]` for each file.
 
 use super::error::IngestError;
 use super::location::{is_plain, output_name};
@@ -44,6 +44,7 @@ struct Entry {
     lock_borders: Option<bool>,
     exact_images: Option<bool>,
     schedule: Option<String>,
+    texture: Option<String>,
     weld: Option<bool>,
     drop: Option<Words>,
 }
@@ -205,6 +206,9 @@ fn job(line: u64, entry: Entry, base: &Settings) -> Result<Job, String> {
     if let Some(schedule) = entry.schedule {
         settings.encode.schedule = schedule.trim().parse().map_err(|e: String| format!("schedule: {e}"))?;
     }
+    if let Some(texture) = entry.texture {
+        settings.textures = texture.trim().parse().map_err(|e: String| format!("texture: {e}"))?;
+    }
     settings.weld = entry.weld.or(settings.weld);
     if let Some(words) = entry.drop {
         let words = match words {
@@ -248,7 +252,7 @@ fn csv_entries(text: &str, errors: &mut Errors<'_>) -> Vec<(u64, Entry)> {
             return entries;
         }
     };
-    const KNOWN: [&str; 15] = [
+    const KNOWN: [&str; 16] = [
         "source",
         "output",
         "position_bits",
@@ -262,6 +266,7 @@ fn csv_entries(text: &str, errors: &mut Errors<'_>) -> Vec<(u64, Entry)> {
         "lock_borders",
         "exact_images",
         "schedule",
+        "texture",
         "weld",
         "drop",
     ];
@@ -343,6 +348,7 @@ fn csv_entry(headers: &csv::StringRecord, record: &csv::StringRecord) -> Result<
             "lock_borders" => entry.lock_borders = Some(flag()?),
             "exact_images" => entry.exact_images = Some(flag()?),
             "schedule" => entry.schedule = Some(field.to_string()),
+            "texture" => entry.texture = Some(field.to_string()),
             "weld" => entry.weld = Some(flag()?),
             _ => entry.drop = Some(Words::Text(field.to_string())),
         }
@@ -417,6 +423,7 @@ fn toml_entries(text: &str, errors: &mut Errors<'_>) -> Vec<(u64, Entry)> {
         entry.lock_borders = entry.lock_borders.or(base.lock_borders);
         entry.exact_images = entry.exact_images.or(base.exact_images);
         entry.schedule = entry.schedule.or_else(|| base.schedule.clone());
+        entry.texture = entry.texture.or_else(|| base.texture.clone());
         entry.weld = entry.weld.or(base.weld);
         entry.drop = entry.drop.or_else(|| base.drop.clone());
         entries.push((line, entry));
@@ -437,17 +444,17 @@ mod tests {
 
     #[test]
     fn the_three_kinds_say_the_same() {
-        let csv = "source,output,position_bits,position_step,origin,lock_borders,weld,drop,uv_bits,uv_step,normal_bits,color_bits,scalar_bits,exact_images,schedule\n\
-                   a/one.ply,,14,,,,,,15,,,,,,\n\
+        let csv = "source,output,position_bits,position_step,origin,lock_borders,weld,drop,uv_bits,uv_step,normal_bits,color_bits,scalar_bits,exact_images,schedule,texture\n\
+                   a/one.ply,,14,,,,,,15,,,,,,,\n\
                    # a comment\n\
-                   two.obj,x/two,,0.001,\"1,2,3\",true,no,\"uvs,normals\",,0.5,12,10,20,yes,linear\n";
+                   two.obj,x/two,,0.001,\"1,2,3\",true,no,\"uvs,normals\",,0.5,12,10,20,yes,linear,jpeg:85\n";
         let jsonl = "{\"source\":\"a/one.ply\",\"position_bits\":14,\"uv_bits\":15}\n\n\n\
                      {\"source\":\"two.obj\",\"output\":\"x/two\",\"position_step\":0.001,\"origin\":[1,2,3],\
                      \"lock_borders\":true,\"weld\":false,\"drop\":[\"uvs\",\"normals\"],\
-                     \"uv_step\":0.5,\"normal_bits\":12,\"color_bits\":10,\"scalar_bits\":20,\"exact_images\":true,\"schedule\":\"linear\"}\n";
+                     \"uv_step\":0.5,\"normal_bits\":12,\"color_bits\":10,\"scalar_bits\":20,\"exact_images\":true,\"schedule\":\"linear\",\"texture\":\"jpeg:85\"}\n";
         let toml = "[[job]]\nsource = \"a/one.ply\"\nposition_bits = 14\nuv_bits = 15\n[[job]]\nsource = \"two.obj\"\noutput = \"x/two\"\n\
                     position_step = 0.001\norigin = [1.0, 2.0, 3.0]\nlock_borders = true\nweld = false\ndrop = \"uvs normals\"\n\
-                    uv_step = 0.5\nnormal_bits = 12\ncolor_bits = 10\nscalar_bits = 20\nexact_images = true\nschedule = \"linear\"\n";
+                    uv_step = 0.5\nnormal_bits = 12\ncolor_bits = 10\nscalar_bits = 20\nexact_images = true\nschedule = \"linear\"\ntexture = \"jpeg:85\"\n";
         let read = |kind, text: &str| parse("jobs", kind, text.as_bytes(), &Settings::default()).unwrap();
         let jobs = read("csv", csv);
         assert_eq!(
@@ -462,6 +469,7 @@ mod tests {
         let e = &jobs[1].settings.encode;
         assert_eq!((e.uv, e.normal_bits, e.color_bits, e.scalar_bits), (Precision::Step(0.5), 12, 10, 20));
         assert_eq!((e.images, e.schedule), (Exactness::Bytes, crate::encode::Schedule::Linear));
+        assert_eq!(jobs[1].settings.textures, crate::recompress::Textures::Jpeg(85));
         assert_eq!(Ok(jobs[1].settings.drop), drop_set(["uvs", "normals"]));
         let strip = |jobs: Vec<Job>| jobs.into_iter().map(|j| Job { line: 0, ..j }).collect::<Vec<_>>();
         assert_eq!(strip(read("jsonl", jsonl)), strip(jobs.clone()));
@@ -498,13 +506,13 @@ mod tests {
         assert_eq!(list.len(), expected.len());
         assert_eq!(
             errors("csv", "file,bits\na,1\n")[0],
-            "jobs, line 1: the column \"file\" is not known; known are source, output, position_bits, position_step, origin, uv_bits, uv_step, normal_bits, color_bits, scalar_bits, lock_borders, exact_images, schedule, weld, drop"
+            "jobs, line 1: the column \"file\" is not known; known are source, output, position_bits, position_step, origin, uv_bits, uv_step, normal_bits, color_bits, scalar_bits, lock_borders, exact_images, schedule, texture, weld, drop"
         );
         // Fields are read before they are understood: the order of the errors is not that of the lines.
         let mut list = errors(
             "csv",
-            "source,uv_bits,uv_step,normal_bits,color_bits,scalar_bits,schedule\na.ply,25,,,,,\nb.ply,,-1,,,,\nc.ply,12,0.1,,,,\n\
-                 d.ply,,,1,,,\ne.ply,,,,17,,\nf.ply,,,,,x,\ng.ply,,,,,,last\n",
+            "source,uv_bits,uv_step,normal_bits,color_bits,scalar_bits,schedule,texture\na.ply,25,,,,,,\nb.ply,,-1,,,,,\nc.ply,12,0.1,,,,,\n\
+                 d.ply,,,1,,,,\ne.ply,,,,17,,,\nf.ply,,,,,x,,\ng.ply,,,,,,last,\nh.ply,,,,,,,jpeg\n",
         );
         list.sort();
         assert_eq!(
@@ -517,6 +525,7 @@ mod tests {
                 "jobs, line 6: color_bits is a number from 1 to 16",
                 "jobs, line 7: scalar_bits is a number, not \"x\"",
                 "jobs, line 8: schedule: \"last\" is no order of chunks; use mesh-first, texture-first or linear",
+                "jobs, line 9: texture: \"jpeg\" is not keep or jpeg:QUALITY from 1 to 100, as in jpeg:90",
             ]
         );
     }

@@ -5,7 +5,10 @@
 //! The figures are measured, not derived: `cargo bench --bench ingest -- memory` prints what each file of a varied set took
 //! in a run of its own beside what is predicted here. `DESIGN.md`, "Ingest", has the table.
 
-use crate::read::{DropSet, Survey};
+use super::settings::Settings;
+use crate::read::Survey;
+use crate::recompress::Textures;
+use crate::texture::Working;
 
 /// Bytes of the mesh and the map, for each vertex, corner, element and record.
 const MESH: [u64; 4] = [24, 4, 4, 4];
@@ -32,15 +35,20 @@ const HISTORY: u64 = 90;
 pub const LARGE: u64 = 2_000_000;
 
 /// The peak of one file, beyond what the process takes without it. `stored`: bytes of the file as it is stored; `beside`: of
-/// the images beside it, and of the coefficients of the largest; `drop`: what is left out on reading; `verify`: whether the output is decoded and compared.
-pub fn peak(s: &Survey, stored: u64, beside: [u64; 2], drop: DropSet, verify: bool) -> u64 {
+/// the images beside it, and what work on the largest takes; `verify`: whether the output is decoded and compared.
+pub fn peak(s: &Survey, stored: u64, beside: (u64, Working), settings: &Settings, verify: bool) -> u64 {
+    let drop = settings.drop;
     let dot = |a: &[u64], b: &[u64]| a.iter().zip(b).fold(0u64, |sum, (x, y)| sum.saturating_add(x.saturating_mul(*y)));
     let values = s.carried(drop);
     let of_layers = values.layers.saturating_mul(s.corners);
     let isolated = s.vertices.saturating_sub(s.corners);
-    let [images, coefficients] = match drop.images || drop.materials {
-        true => [0, 0],
-        false => [beside[0].saturating_add(s.images), beside[1].max(s.coefficients)],
+    let (images, working) = match drop.images || drop.materials {
+        true => (0, Working::default()),
+        false => (beside.0.saturating_add(s.images), beside.1.max(s.working)),
+    };
+    let (coefficients, pixels) = match settings.textures {
+        Textures::Keep => (working.coefficients, 0),
+        Textures::Jpeg(_) => (working.coefficients, working.pixels),
     };
     let mesh = dot(&MESH, &[s.vertices, s.corners, s.elements, s.records])
         .saturating_add(dot(&LAYERS, &[values.numbers, of_layers]))
@@ -49,6 +57,8 @@ pub fn peak(s: &Survey, stored: u64, beside: [u64; 2], drop: DropSet, verify: bo
     let packed = if s.unpacked > stored { stored } else { 0 };
     let weld = if s.records > s.vertices { WELD.saturating_mul(s.vertices) } else { 0 };
     let reading = mesh.saturating_add(s.unpacked).saturating_add(packed).saturating_add(weld);
+    // One image after another becomes a JPEG, when the file is not needed any more.
+    let recompressing = mesh.saturating_add(images).saturating_add(pixels);
 
     // Records beside vertices stay in the map while the mesh is encoded.
     let records = MESH[3].saturating_mul(s.records.saturating_sub(s.vertices));
@@ -62,13 +72,14 @@ pub fn peak(s: &Survey, stored: u64, beside: [u64; 2], drop: DropSet, verify: bo
         .saturating_add(records)
         .saturating_add(images);
 
-    // Images are cut one after another: the pieces of all are there, and the new file and the coefficients of one. Then
-    // they go from their pieces into the output. Verifying has that, what was pushed into a decoder, and the decoded mesh; it compares the
-    // coefficients of both.
-    let cutting = dot(&[2, 1], &[images, coefficients]);
-    let verifying = if verify { dot(&[3, 2], &[images, coefficients]) } else { 0 };
+    // Images that stay as they are go from the mesh into the output. Others are cut one after another: the pieces of all are there, and the
+    // new file and the coefficients of one; then the output. Verifying has that, what was pushed into a decoder, what that
+    // made of it, and the decoded mesh; it compares the coefficients of both.
+    let copies = if coefficients > 0 { 2 } else { 1 };
+    let cutting = dot(&[copies, 1], &[images, coefficients]);
+    let verifying = if verify { dot(&[4, 2], &[images, coefficients]) } else { 0 };
     let writing = HISTORY.saturating_mul(s.vertices).saturating_add(mesh).saturating_add(cutting.max(verifying));
-    reading.max(encoding).max(writing).saturating_add(DOCUMENT.saturating_mul(s.document))
+    reading.max(recompressing).max(encoding).max(writing).saturating_add(DOCUMENT.saturating_mul(s.document))
 }
 
 /// The most vertices or corners that a file can have.

@@ -14,6 +14,7 @@ use super::report::Report;
 use super::store::Stores;
 use super::{Event, Observer, OnError, Plan, Summary, predict};
 use crate::read::{self, Format, Survey};
+use crate::texture::Working;
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -265,7 +266,7 @@ fn survey_all(shared: &Shared<'_>, receive: &Mutex<Receiver<Item>>) {
         let surveyed =
             catch_unwind(AssertUnwindSafe(|| survey(&item))).unwrap_or_else(|panic| Err(job::bug(&name, &*panic)));
         let (survey, stored) = surveyed.as_ref().map_or((Survey::default(), 0), |s| *s);
-        let charge = predict::peak(&survey, stored, [0; 2], item.settings.drop, shared.plan.verify);
+        let charge = predict::peak(&survey, stored, (0, Working::default()), &item.settings, shared.plan.verify);
         let mut record = Record::new(name.clone(), item.output.clone(), item.line, &survey, charge);
         record.bytes_in = stored;
         shared.found(survey.vertices);

@@ -235,6 +235,13 @@ impl Frame {
         Ok(())
     }
 
+    /// Visit all blocks of a component, those that fill up units too: column, row, block.
+    #[cfg(feature = "recompress")]
+    pub fn each_block(&self, component: usize, mut visit: impl FnMut(usize, usize, usize)) {
+        let c = &self.components[component];
+        (0..c.rows).for_each(|y| (0..c.stride).for_each(|x| visit(x, y, c.first + y * c.stride + x)));
+    }
+
     /// Take all but the first coefficient from the blocks that fill up units: only these first ones stand in scans of every kind. Returns
     /// what was there, by place in all coefficients.
     pub fn take_filling(&self, blocks: &mut Blocks) -> Vec<(usize, i16)> {

@@ -1,6 +1,6 @@
 //! Images on their way into a file: JPEG without loss in pieces, each prefix of which is a picture.
 //!
-//! A baseline file becomes a progressive one: its coefficients are read, verified to come back, and coded anew in ten scans, coarse before
+//! A baseline file becomes a progressive one: its coefficients are read, verified to come back, and coded anew in nine scans, coarse before
 //! fine ([ITU-T T.81](https://www.w3.org/Graphics/JPEG/itu-t81.pdf), annexes F and G). All other segments stay, so do bytes behind the end. A file
 //! that is progressive already is cut as it is. Anything else stays in one piece, with a reason.
 //!
@@ -12,10 +12,14 @@
 
 mod entropy;
 mod frame;
+#[cfg(feature = "recompress")]
+mod lossy;
 mod progressive;
 mod restore;
 mod sequential;
 
+#[cfg(feature = "recompress")]
+pub use lossy::{Pixels, Sampling, jpeg};
 pub use restore::restore;
 
 use self::frame::{Frame, Item, Parsed};
@@ -30,7 +34,7 @@ pub const END: [u8; 2] = [0xFF, 0xD9];
 pub const MAX_COEFFICIENT_BYTES: u64 = 1 << 30;
 
 /// Bytes of coefficients for each byte of a file, at most: a block of 64 coefficients takes two bits.
-pub const MOST_COEFFICIENTS: u64 = 512;
+const MOST_COEFFICIENTS: u64 = 512;
 
 /// Pieces have at least so many bytes, or the 64th part of the file: each costs some bytes of table.
 const LEAST_PIECE: usize = 512;
@@ -89,9 +93,43 @@ pub fn cut(bytes: &[u8], exactness: Exactness) -> Pieces<'_> {
     })
 }
 
+/// Bytes of memory that work on an image takes beyond its file, as its first bytes tell.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Working {
+    /// The coefficients that [`cut`] holds while it codes a JPEG anew.
+    pub coefficients: u64,
+    /// Pixels and coefficients of a PNG of which a JPEG is made.
+    pub pixels: u64,
+}
+
+impl Working {
+    /// Of an image of `bytes` bytes that `input` begins with. Reads as far as the dimensions.
+    pub fn of(input: &mut impl Read, bytes: u64) -> Self {
+        let (mut start, mut input) = (Vec::new(), input.take(bytes));
+        // What cannot be read tells nothing; the reader of the image will say why.
+        let _ = (&mut input).take(24).read_to_end(&mut start);
+        let start = &start[..];
+        let word =
+            |at: usize| start.get(at..).and_then(<[u8]>::first_chunk).map_or(0, |w| u32::from_be_bytes(*w) as u64);
+        if start.starts_with(b"\x89PNG\r\n\x1a\n") {
+            // Four bytes of pixels, one of a component, six of coefficients; the rows of a file of so many bytes are not longer.
+            let pixels = word(16).saturating_mul(word(20)).min(bytes.saturating_mul(8 * 1100));
+            return Working { coefficients: 0, pixels: pixels.saturating_mul(11) };
+        }
+        let coefficients = coefficient_bytes(&mut start.chain(input)).unwrap_or(0);
+        Working { coefficients: coefficients.min(bytes.saturating_mul(MOST_COEFFICIENTS)), pixels: 0 }
+    }
+
+    /// The larger of both, for each.
+    #[must_use]
+    pub fn max(self, other: Working) -> Self {
+        Working { coefficients: self.coefficients.max(other.coefficients), pixels: self.pixels.max(other.pixels) }
+    }
+}
+
 /// Bytes of the coefficients that [`cut`] holds while it codes a file anew, of which `input` gives the beginning; `None` for one that it does
 /// not code anew. Reads as far as the frame.
-pub fn coefficient_bytes(input: &mut impl Read) -> Option<u64> {
+fn coefficient_bytes(input: &mut impl Read) -> Option<u64> {
     let mut start = [0; 2];
     input.read_exact(&mut start).ok()?;
     if start != [0xFF, 0xD8] {

@@ -108,5 +108,12 @@ fn safe_image(image: &Image, number: usize) -> String {
         return format!("image{number}.{extension}");
     }
     let name = safe(&image.name);
-    if media_type(&name, &[]).is_empty() { format!("{name}.{extension}") } else { name }
+    match media_type(&name, &[]) {
+        "" => format!("{name}.{extension}"),
+        // It was made one since it was named.
+        told if told != "image/jpeg" && image.mime == "image/jpeg" => {
+            format!("{}.jpg", name.rsplit_once('.').map_or(name.as_str(), |(stem, _)| stem))
+        }
+        _ => name,
+    }
 }

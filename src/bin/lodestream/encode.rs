@@ -11,6 +11,7 @@ use lodestream::encode::{self, EncodeOptions, EncodeReport, Encoded, ImageReport
 use lodestream::lattice::Quantization;
 use lodestream::quantizer::Precision;
 use lodestream::read::{DropSet, ReadMesh, ReadOptions};
+use lodestream::recompress::{Recompressed, Sampling, Textures, recompress};
 use lodestream::texture::{Exactness, Odd, Way};
 use lodestream::trace::Trace;
 use serde_json::{Value, json};
@@ -129,9 +130,16 @@ pub struct ImageArgs {
     /// What comes first in the file: mesh-first, texture-first, or linear, which is both in turns
     #[arg(long, value_name = "ORDER", default_value_t)]
     schedule: Schedule,
+    /// What becomes of images that are no JPEG: keep, byte by byte, or jpeg:QUALITY, as in jpeg:90, which is smaller and not exact
+    #[arg(long, value_name = "WHAT", default_value_t)]
+    texture: Textures,
 }
 
 impl ImageArgs {
+    pub fn textures(&self) -> Textures {
+        self.texture
+    }
+
     pub fn set(&self, options: &mut EncodeOptions) {
         options.images = if self.exact_images { Exactness::Bytes } else { Exactness::Coefficients };
         options.schedule = self.schedule;
@@ -227,10 +235,14 @@ pub fn run(args: &Args) -> Result<Outcome> {
             memory_limit: args.machine.memory_limit,
             drop: drop_set(&args.drop),
         };
-        let read = args.input.read(&read_options)?;
+        let mut read = args.input.read(&read_options)?;
         let read_seconds = shared::seconds(start);
         let warnings: Vec<String> = read.warnings.iter().map(ToString::to_string).collect();
         warnings.iter().for_each(|w| shared::warn(format!("{name}: {w}")));
+        let recompressed = recompress(&mut read.mesh.appearance, args.images.textures());
+        for image in recompressed.iter().filter(|i| i.outcome.is_err()) {
+            shared::warn(format!("{name}: {image}"));
+        }
         let progress = |p: Progress| bars.show(stage_name(p.stage), p.done, p.total);
         let trace = if args.trace.is_some() { Trace::on() } else { Trace::off() };
         let engine = args.device.engine(read.mesh.vertex_count(), threads, &trace);
@@ -260,6 +272,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
         let seconds = [read_seconds, shared::seconds(write_start), shared::seconds(start)];
         if args.json {
             let mut object = account(&encoded, seconds);
+            object["recompressed"] = recompressed.iter().map(recompressed_json).collect();
             object["device"] = json!(encoded.report.weighed_by);
             object["threads"] = json!(threads);
             object["seconds"]["cpu"] = json!(shared::cpu_seconds());
@@ -267,7 +280,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
             object["warnings"] = json!(warnings);
             shared::print_json(&object)?;
         } else {
-            shared::print(&summary(&encoded.report, encoded.bytes.len() as u64, seconds))?;
+            shared::print(&summary(&encoded.report, &recompressed, encoded.bytes.len() as u64, seconds))?;
         }
         Ok(Outcome::Done)
     })
@@ -357,7 +370,31 @@ pub fn bits_per_vertex(bytes: u64, vertices: usize) -> Option<f64> {
     (vertices > 0).then(|| (8e4 * bytes as f64 / vertices as f64).round() / 1e4)
 }
 
-fn summary(report: &EncodeReport, bytes: u64, [read, write, total]: [f64; 3]) -> String {
+fn recompressed_json(image: &Recompressed) -> Value {
+    json!({
+        "name": image.name,
+        "bytes": image.from,
+        "jpeg_bytes": image.outcome.is_ok().then_some(image.to),
+        "sampling": image.outcome.ok().map(|sampling| match sampling {
+            Sampling::Grey => "grey",
+            Sampling::Halved => "4:2:0",
+            Sampling::Full => "4:4:4",
+        }),
+        "kept_because": image.outcome.err().map(|odd| odd.to_string()),
+    })
+}
+
+/// Which images are not what they were.
+fn recompressed_summary(images: &[Recompressed]) -> Option<String> {
+    let done: Vec<&Recompressed> = images.iter().filter(|i| i.outcome.is_ok()).collect();
+    let sum = |of: fn(&Recompressed) -> u64| shared::human_bytes(done.iter().map(|i| of(i)).sum());
+    let (count, all) = (done.len(), images.len());
+    (all > 0).then(|| {
+        format!("{count} of {all} that were no JPEG are one now, not exact: {} from {}", sum(|i| i.to), sum(|i| i.from))
+    })
+}
+
+fn summary(report: &EncodeReport, recompressed: &[Recompressed], bytes: u64, [read, write, total]: [f64; 3]) -> String {
     let rate = bits_per_vertex(bytes, report.vertices).map_or(String::new(), |b| format!(" ({b:.2} bits per vertex)"));
     let speed = if total > 0.0 { report.vertices as f64 / total } else { 0.0 };
     let kinds = [
@@ -385,6 +422,9 @@ fn summary(report: &EncodeReport, bytes: u64, [read, write, total]: [f64; 3]) ->
     ];
     if !report.images.is_empty() {
         rows.push(("  images", image_summary(&report.images)));
+    }
+    if let Some(summary) = recompressed_summary(recompressed) {
+        rows.push(("  lossy", summary));
     }
     rows.extend([
         (

@@ -117,6 +117,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
         encode: args.precision.options(args.lattice.quantization(), args.lock_borders),
         weld: args.weld.choice(),
         drop: ingest::drop_set(args.drop.iter().map(String::as_str)).unwrap_or_default(),
+        textures: args.images.textures(),
     };
     args.images.set(&mut plan.settings.encode);
     plan.threads = args.threads.map_or(plan.threads, usize::from);

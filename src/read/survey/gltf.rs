@@ -11,7 +11,7 @@ use super::super::gltf::meaning;
 use super::super::percent_decode;
 use super::Survey;
 use super::distinct::Distinct;
-use crate::texture::{MOST_COEFFICIENTS, coefficient_bytes};
+use crate::texture::Working;
 
 /// The most JSON that is parsed for a survey.
 const MOST: u64 = 64 << 20;
@@ -144,26 +144,25 @@ pub(super) fn survey(input: &mut (impl Read + Seek), size: u64, folder: Option<&
         }
     });
     for image in doc.get("images").and_then(Value::as_array).into_iter().flatten() {
-        let coefficients = int(image, "bufferView").and_then(|view| {
+        let told = int(image, "bufferView").and_then(|view| {
             let view = item(&doc, "bufferViews", view)?;
             let (start, bytes) = (int(view, "byteOffset").unwrap_or(0), int(view, "byteLength")?);
             let number = int(view, "buffer")?;
-            let told = match item(&doc, "buffers", number)?.get("uri").and_then(Value::as_str) {
+            match item(&doc, "buffers", number)?.get("uri").and_then(Value::as_str) {
                 None if number == 0 => {
                     input.seek(SeekFrom::Start(start.checked_add(chunk)?)).ok()?;
-                    coefficient_bytes(&mut Read::take(&mut *input, bytes))
+                    Some(Working::of(&mut *input, bytes))
                 }
                 Some(uri) if !uri.starts_with("data:") => {
                     let name = percent_decode(uri).unwrap_or_else(|| uri.to_string());
                     let mut file = File::open(folder?.join(name)).ok()?;
                     file.seek(SeekFrom::Start(start)).ok()?;
-                    coefficient_bytes(&mut BufReader::new(file).take(bytes))
+                    Some(Working::of(&mut BufReader::new(file), bytes))
                 }
                 _ => None,
-            };
-            told.map(|coefficients| coefficients.min(bytes.saturating_mul(MOST_COEFFICIENTS)))
+            }
         });
-        s.coefficients = s.coefficients.max(coefficients.unwrap_or(0));
+        s.working = s.working.max(told.unwrap_or_default());
     }
     s.document = length;
     s.unpacked = size.saturating_add(outside);

@@ -14,6 +14,7 @@ use std::path::Path;
 
 use super::{DropSet, Format, GZIP, ply};
 use crate::mesh::LayerKind;
+use crate::texture::Working;
 use distinct::Distinct;
 
 /// The kinds of layers in the order in which a survey counts them.
@@ -58,8 +59,8 @@ pub struct Survey {
     pub document: u64,
     /// Bytes of the images inside the file.
     pub images: u64,
-    /// Bytes of the coefficients of the largest JPEG inside the file that is coded anew.
-    pub coefficients: u64,
+    /// What work on the largest image inside the file takes.
+    pub working: Working,
     /// Attributes, by the place of their kind in `KINDS`; see [`Survey::carried`].
     pub(crate) attributes: [Values; 5],
     /// Whether the file itself was seen (or its header told all); else the counts are usual ones for its size.
