@@ -15,7 +15,7 @@ use lodestream::gpu::{Device, DeviceError, DeviceOptions, GpuRenderer};
 
 /// `auto` leaves less to the processor: samples and triangles of all pictures, for each of its threads. It is what one thread draws in
 /// the second that finding a device and compiling its passes may take.
-const WORTH: u64 = 8_000_000;
+const WORTH: u64 = 14_000_000;
 
 /// Options of the device that draws.
 #[derive(Clone, clap::Args)]
