@@ -28,6 +28,8 @@ pub mod picture;
 #[cfg(feature = "quality")]
 pub mod quality;
 pub mod quantizer;
+#[cfg(all(feature = "encode", feature = "quality"))]
+pub mod schedule;
 
 #[cfg(feature = "encode")]
 pub mod metric;

@@ -369,13 +369,27 @@ fn textures_come_in_pieces() {
     lodestream(scratch.folder(), "decode exact.lods -o exact/t.obj").ok();
     assert!(std::fs::read(scratch.path("exact/a.jpg")).unwrap() == jpeg);
 
+    // By what prefixes look like.
+    let run = lodestream(scratch.folder(), "encode t.obj -o best.lods --schedule quality --schedule-effort low").ok();
+    assert!(run.stdout.contains("order       by quality: MS-SSIM 0.95 after "), "{}", run.stdout);
+    lodestream(scratch.folder(), "verify best.lods --against t.obj").ok();
+    let json = lodestream(scratch.folder(), "encode t.obj -o best.lods --schedule quality --json").json();
+    assert!(number(&json["schedule"]["areas"]["quality"]) >= number(&json["schedule"]["areas"]["linear"]));
+    assert_eq!(number(&json["bytes"]), std::fs::metadata(scratch.path("best.lods")).unwrap().len() as f64);
+    let run = lodestream(scratch.folder(), "encode t.obj -o bare.lods --schedule quality --drop images").ok();
+    assert!(run.stdout.contains("order       as it was: no image that is drawn"), "{}", run.stdout);
+
     // What is damaged stays as it is, and a line says why.
     std::fs::write(scratch.path("a.jpg"), &jpeg[..jpeg.len() - 9]).unwrap();
     let run = lodestream(scratch.folder(), "encode t.obj -o odd.lods");
     let says = "lodestream: warning: t.obj: a.jpg: kept as it is: it is cut: its end marker is missing\n";
     assert_eq!((run.code, run.stderr.as_str()), (0, says));
     let run = lodestream(scratch.folder(), "encode t.obj -o odd.lods --schedule last");
-    assert!(run.code == 2 && run.stderr.contains("use mesh-first, texture-first or linear"), "{}", run.stderr);
+    assert!(
+        run.code == 2 && run.stderr.contains("use mesh-first, texture-first or linear, or quality"),
+        "{}",
+        run.stderr
+    );
 }
 
 #[test]

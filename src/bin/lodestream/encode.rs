@@ -12,11 +12,14 @@ use lodestream::lattice::Quantization;
 use lodestream::quantizer::Precision;
 use lodestream::read::{DropSet, ReadMesh, ReadOptions};
 use lodestream::recompress::{Recompressed, Sampling, Textures, recompress};
+use lodestream::schedule::{self, Effort, Scheduled};
 use lodestream::texture::{Exactness, Odd, Way};
 use lodestream::trace::Trace;
 use serde_json::{Value, json};
+use std::fmt;
 use std::io::{BufWriter, Write};
 use std::path::PathBuf;
+use std::str::FromStr;
 use std::time::Instant;
 
 #[derive(clap::Args)]
@@ -121,28 +124,119 @@ impl PrecisionArgs {
     }
 }
 
-/// How images are carried.
+/// How images are carried, and where.
 #[derive(clap::Args)]
-pub struct ImageArgs {
+struct ImageArgs {
     /// Give images back byte by byte; otherwise baseline JPEG comes back progressive, with the same pixels and metadata
     #[arg(long)]
     exact_images: bool,
-    /// What comes first in the file: mesh-first, texture-first, or linear, which is both in turns
+    /// What comes first in the file: mesh-first, texture-first, linear (both in turns), or quality, which looks at pictures of the
+    /// model and finds the order in which every prefix of the file looks best
     #[arg(long, value_name = "ORDER", default_value_t)]
-    schedule: Schedule,
+    schedule: Order,
+    /// How closely `--schedule quality` looks: low, normal or high (6, 12 or 42 views)
+    #[arg(long, value_name = "EFFORT", default_value_t)]
+    schedule_effort: Effort,
     /// What becomes of images that are no JPEG: keep, byte by byte, or jpeg:QUALITY, as in jpeg:90, which is smaller and not exact
     #[arg(long, value_name = "WHAT", default_value_t)]
     texture: Textures,
 }
 
+/// An order of chunks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Order {
+    Fixed(Schedule),
+    Quality,
+}
+
+impl Default for Order {
+    fn default() -> Self {
+        Order::Fixed(Schedule::default())
+    }
+}
+
+impl fmt::Display for Order {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Order::Fixed(schedule) => schedule.fmt(f),
+            Order::Quality => f.write_str("quality"),
+        }
+    }
+}
+
+impl FromStr for Order {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        if name == "quality" {
+            return Ok(Order::Quality);
+        }
+        name.parse().map(Order::Fixed).map_err(|why| format!("{why}, or quality"))
+    }
+}
+
 impl ImageArgs {
-    pub fn textures(&self) -> Textures {
-        self.texture
+    fn set(&self, options: &mut EncodeOptions) {
+        options.images = exactness(self.exact_images);
+        if let Order::Fixed(schedule) = self.schedule {
+            options.schedule = schedule;
+        }
     }
 
-    pub fn set(&self, options: &mut EncodeOptions) {
-        options.images = if self.exact_images { Exactness::Bytes } else { Exactness::Coefficients };
-        options.schedule = self.schedule;
+    /// Put a finished file in the order by quality, where that is asked for.
+    fn order(&self, encoded: &mut Encoded, memory_limit: Option<u64>, bars: &Bars) -> Result<Option<Ordered>> {
+        if self.schedule != Order::Quality {
+            return Ok(None);
+        }
+        let clock = Instant::now();
+        let mut options = schedule::Options { effort: self.schedule_effort, ..schedule::Options::default() };
+        options.memory_limit = memory_limit.unwrap_or(options.memory_limit);
+        let show = |drawn: usize, all: usize| bars.show("order", drawn as u64, all as u64);
+        let mut scheduled = schedule::by_quality(&encoded.bytes, &options, &show)?;
+        encoded.bytes = std::mem::take(&mut scheduled.bytes);
+        Ok(Some(Ordered { scheduled, seconds: shared::seconds(clock) }))
+    }
+}
+
+/// What comes back of images.
+pub fn exactness(bytes: bool) -> Exactness {
+    if bytes { Exactness::Bytes } else { Exactness::Coefficients }
+}
+
+/// What the order by quality came to; the file itself has been taken.
+struct Ordered {
+    scheduled: Scheduled,
+    seconds: f64,
+}
+
+impl Ordered {
+    /// Bytes until pictures of the file are so like those of the whole.
+    fn bytes_until(&self, quality: f64) -> u64 {
+        let curve = &self.scheduled.curve;
+        curve.iter().find(|p| p.quality >= quality).or(curve.last()).map_or(0, |p| p.bytes)
+    }
+
+    fn json(&self) -> Value {
+        let Scheduled { curve, drawn, areas, .. } = &self.scheduled;
+        json!({
+            "seconds": self.seconds,
+            "drawn": drawn,
+            "curve": curve.iter().map(|p| json!({
+                "bytes": p.bytes, "level": p.level, "pieces": p.pieces, "ms_ssim": p.quality,
+            })).collect::<Vec<_>>(),
+            "areas": {
+                "quality": areas.chosen, "greedy": areas.greedy, "mesh_first": areas.mesh_first,
+                "texture_first": areas.texture_first, "linear": areas.linear,
+            },
+        })
+    }
+
+    fn summary(&self) -> String {
+        if self.scheduled.drawn == 0 {
+            return "as it was: no image that is drawn".to_string();
+        }
+        let [fair, good] = [0.95, 0.99].map(|q| shared::human_bytes(self.bytes_until(q)));
+        format!("by quality: MS-SSIM 0.95 after {fair}, 0.99 after {good} ({:.1} s)", self.seconds)
     }
 }
 
@@ -239,14 +333,16 @@ pub fn run(args: &Args) -> Result<Outcome> {
         let read_seconds = shared::seconds(start);
         let warnings: Vec<String> = read.warnings.iter().map(ToString::to_string).collect();
         warnings.iter().for_each(|w| shared::warn(format!("{name}: {w}")));
-        let recompressed = recompress(&mut read.mesh.appearance, args.images.textures());
+        let recompressed = recompress(&mut read.mesh.appearance, args.images.texture);
         for image in recompressed.iter().filter(|i| i.outcome.is_err()) {
             shared::warn(format!("{name}: {image}"));
         }
         let progress = |p: Progress| bars.show(stage_name(p.stage), p.done, p.total);
         let trace = if args.trace.is_some() { Trace::on() } else { Trace::off() };
         let engine = args.device.engine(read.mesh.vertex_count(), threads, &trace);
-        let encoded = encode::encode_on(&read.mesh, &options, engine, &progress).with_context(|| name.clone())?;
+        let mut encoded = encode::encode_on(&read.mesh, &options, engine, &progress).with_context(|| name.clone())?;
+        let ordered =
+            args.images.order(&mut encoded, args.machine.memory_limit, &bars).with_context(|| name.clone())?;
         bars.finish();
         if let Some(why) = &encoded.report.fallback {
             device::fell_back(why);
@@ -278,9 +374,12 @@ pub fn run(args: &Args) -> Result<Outcome> {
             object["seconds"]["cpu"] = json!(shared::cpu_seconds());
             object["peak_memory_bytes"] = json!(shared::peak_memory());
             object["warnings"] = json!(warnings);
+            object["schedule"] = json!(ordered.as_ref().map(Ordered::json));
             shared::print_json(&object)?;
         } else {
-            shared::print(&summary(&encoded.report, &recompressed, encoded.bytes.len() as u64, seconds))?;
+            let order = ordered.as_ref().map(Ordered::summary);
+            let bytes = encoded.bytes.len() as u64;
+            shared::print(&summary(&encoded.report, &recompressed, bytes, order, seconds))?;
         }
         Ok(Outcome::Done)
     })
@@ -394,7 +493,13 @@ fn recompressed_summary(images: &[Recompressed]) -> Option<String> {
     })
 }
 
-fn summary(report: &EncodeReport, recompressed: &[Recompressed], bytes: u64, [read, write, total]: [f64; 3]) -> String {
+fn summary(
+    report: &EncodeReport,
+    recompressed: &[Recompressed],
+    bytes: u64,
+    order: Option<String>,
+    [read, write, total]: [f64; 3],
+) -> String {
     let rate = bits_per_vertex(bytes, report.vertices).map_or(String::new(), |b| format!(" ({b:.2} bits per vertex)"));
     let speed = if total > 0.0 { report.vertices as f64 / total } else { 0.0 };
     let kinds = [
@@ -426,6 +531,7 @@ fn summary(report: &EncodeReport, recompressed: &[Recompressed], bytes: u64, [re
     if let Some(summary) = recompressed_summary(recompressed) {
         rows.push(("  lossy", summary));
     }
+    rows.extend(order.map(|order| ("order", order)));
     rows.extend([
         (
             "seconds",

@@ -2,11 +2,13 @@
 
 use crate::Outcome;
 use crate::device::DeviceArgs;
-use crate::encode::{ImageArgs, LatticeArgs, PrecisionArgs, WeldArgs, stage_name};
+use crate::encode::{LatticeArgs, PrecisionArgs, WeldArgs, exactness, stage_name};
 use crate::ingest_progress::{LogFormat, Watch};
 use crate::shared::{self, parse_size};
 use anyhow::{Result, anyhow};
+use lodestream::encode::Schedule;
 use lodestream::ingest::{self, DROP_NAMES, IngestError, OnError, Plan, Retries, Settings, Shard, Summary};
+use lodestream::recompress::Textures;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -37,8 +39,15 @@ pub struct Args {
     lattice: LatticeArgs,
     #[command(flatten)]
     precision: PrecisionArgs,
-    #[command(flatten)]
-    images: ImageArgs,
+    /// Give images back byte by byte; otherwise baseline JPEG comes back progressive, with the same pixels and metadata
+    #[arg(long)]
+    exact_images: bool,
+    /// What comes first in the files: mesh-first, texture-first, or linear, which is both in turns
+    #[arg(long, value_name = "ORDER", default_value_t)]
+    schedule: Schedule,
+    /// What becomes of images that are no JPEG: keep, byte by byte, or jpeg:QUALITY, as in jpeg:90, which is smaller and not exact
+    #[arg(long, value_name = "WHAT", default_value_t)]
+    texture: Textures,
     /// Never move a vertex of a border, so that tiles fit at every level
     #[arg(long)]
     lock_borders: bool,
@@ -117,9 +126,10 @@ pub fn run(args: &Args) -> Result<Outcome> {
         encode: args.precision.options(args.lattice.quantization(), args.lock_borders),
         weld: args.weld.choice(),
         drop: ingest::drop_set(args.drop.iter().map(String::as_str)).unwrap_or_default(),
-        textures: args.images.textures(),
+        textures: args.texture,
     };
-    args.images.set(&mut plan.settings.encode);
+    plan.settings.encode.images = exactness(args.exact_images);
+    plan.settings.encode.schedule = args.schedule;
     plan.threads = args.threads.map_or(plan.threads, usize::from);
     plan.jobs = args.jobs.map_or(plan.threads, usize::from);
     plan.memory = args.memory.unwrap_or(plan.memory);

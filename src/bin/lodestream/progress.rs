@@ -28,9 +28,16 @@ impl Bars {
                 bar.finish_and_clear();
             }
             let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr());
-            let style = "{msg:10} {wide_bar:.cyan/blue} {human_pos}/{human_len} vertices, {speed}, {eta} left";
+            let unit = match stage {
+                "order" => "states",
+                "measure" => "levels",
+                _ => "vertices",
+            };
+            let style = format!(
+                "{{msg:10}} {{wide_bar:.cyan/blue}} {{human_pos}}/{{human_len}} {unit}, {{speed}}, {{eta}} left"
+            );
             // The template is a constant; should it ever be wrong, the default bar still shows.
-            let style = ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar());
+            let style = ProgressStyle::with_template(&style).unwrap_or_else(|_| ProgressStyle::default_bar());
             bar.set_style(style.with_key("speed", |state: &ProgressState, out: &mut dyn std::fmt::Write| {
                 // A bar that cannot be written is no reason to stop.
                 let _ = write!(out, "{}/s", shared::thousands(state.per_sec() as u64));

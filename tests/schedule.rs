@@ -1,0 +1,175 @@
+//! The order by quality: the same file in another order, each prefix of which looks at least as good.
+#![cfg(all(feature = "encode", feature = "quality", feature = "samples"))]
+
+use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
+use lodestream::container::{Front, Kind, Parsed};
+use lodestream::decode::{DecodeOptions, Decoder, Step};
+use lodestream::encode::{EncodeOptions, Schedule, encode};
+use lodestream::generate;
+use lodestream::mesh::{Appearance, Image, Layer, LayerKind, Mesh, Stored};
+use lodestream::picture::{Cpu, Shading};
+use lodestream::quality::{Snapshots, ViewOptions};
+use lodestream::schedule::{Effort, Options, ScheduleError, Scheduled, by_quality};
+
+const OPTIONS: Options = Options { effort: Effort::Low, memory_limit: 1 << 30 };
+
+/// Spots of all sizes, as a JPEG of another encoder.
+fn spots(side: u16, seed: u32) -> Vec<u8> {
+    let mut pixels = Vec::new();
+    for y in 0..u32::from(side) {
+        for x in 0..u32::from(side) {
+            let mut value = 0.0f64;
+            for octave in 1..6 {
+                let size = f64::from(side) / f64::from(1 << octave);
+                let (u, v) = (f64::from(x) / size, f64::from(y) / size);
+                value += (u + f64::from(seed)).sin() * (v * 1.3 + f64::from(octave)).cos() / f64::from(octave);
+            }
+            let grain = (x * 7919 + y * 104_729 + seed) % 23;
+            pixels.extend([0, 1, 2].map(|k| (128.0 + 50.0 * value + f64::from(grain) + f64::from(k * 9)) as u8));
+        }
+    }
+    let mut out = Vec::new();
+    let mut encoder = Encoder::new(&mut out, 90);
+    encoder.set_sampling_factor(SamplingFactor::F_2_2);
+    encoder.encode(&pixels, side, side, ColorType::Rgb).expect("a picture");
+    out
+}
+
+/// A bumpy ball with a colour image, and a normal map that pictures do not show.
+fn textured(side: u16) -> Mesh {
+    let mut mesh = generate::asteroid(24, 5);
+    let values = mesh.positions.iter().flat_map(|p| {
+        let around = p[1].atan2(p[0]) / std::f64::consts::TAU + 0.5;
+        let up = p[2] / p.iter().map(|c| c * c).sum::<f64>().sqrt();
+        [around, 0.5 + 0.5 * up]
+    });
+    mesh.layers = vec![Layer {
+        name: "TEXCOORD_0".into(),
+        kind: LayerKind::Uv,
+        width: 2,
+        stored: Stored::F32,
+        values: values.collect(),
+        corners: mesh.corners.clone(),
+        isolated: Vec::new(),
+    }];
+    mesh.material = vec![0; mesh.face_count()];
+    let material = r#"{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}},"normalTexture":{"index":1}}"#;
+    let image = |name: &str, seed| Image { name: name.into(), mime: "image/jpeg".into(), bytes: spots(side, seed) };
+    mesh.appearance = Appearance {
+        materials: vec![material.into()],
+        textures: vec![r#"{"source":0}"#.into(), r#"{"source":1}"#.into()],
+        samplers: Vec::new(),
+        images: vec![image("colour", 1), image("normals", 2)],
+    };
+    mesh.validate().expect("a sound mesh");
+    mesh
+}
+
+fn file(mesh: &Mesh, schedule: Schedule) -> Vec<u8> {
+    let options = EncodeOptions { schedule, ..EncodeOptions::default() };
+    encode(mesh, &options, &|_| {}).expect("it encodes").bytes
+}
+
+fn ordered(file: &[u8]) -> Scheduled {
+    by_quality(file, &OPTIONS, &|_, _| {}).expect("it can be put in order")
+}
+
+fn front(bytes: &[u8]) -> Front {
+    match Front::parse(bytes) {
+        Ok(Parsed::Ready(front)) => front,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// What a viewer has of the first bytes of a file.
+fn prefix(bytes: &[u8]) -> Mesh {
+    let mut decoder = Decoder::new(DecodeOptions::default());
+    decoder.push(bytes);
+    while let Step::Level(_) = decoder.next_level().expect("prefixes decode") {}
+    decoder.to_mesh()
+}
+
+#[test]
+fn the_same_file_in_another_order() {
+    let mesh = textured(256);
+    let plain = file(&mesh, Schedule::MeshFirst);
+    let scheduled = ordered(&plain);
+    assert_ne!(scheduled.bytes, plain);
+    // The table of chunks takes a few bytes more or less.
+    assert!(scheduled.bytes.len().abs_diff(plain.len()) < 32);
+    assert_eq!(prefix(&scheduled.bytes), prefix(&plain));
+    let mut chunks = [&plain, &scheduled.bytes].map(|bytes| {
+        let chunks: Vec<_> = front(bytes).chunks().iter().map(|c| (c.kind, c.image, c.segment, c.checksum)).collect();
+        chunks
+    });
+    // The normal map is not seen: it comes last.
+    let last = chunks[1].last().expect("chunks");
+    assert_eq!((last.0, last.1), (Kind::Image, 1));
+    chunks.iter_mut().for_each(|c| c.sort_by_key(|c| (c.0.number(), c.1, c.2, c.3)));
+    assert_eq!(chunks[0], chunks[1]);
+    // Wherever it comes from.
+    for schedule in [Schedule::TextureFirst, Schedule::Linear] {
+        assert_eq!(ordered(&file(&mesh, schedule)).bytes, scheduled.bytes, "{schedule}");
+    }
+    assert_eq!(ordered(&scheduled.bytes).bytes, scheduled.bytes);
+    // And with any number of threads.
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
+    assert_eq!(one.install(|| ordered(&plain).bytes), scheduled.bytes);
+}
+
+#[test]
+fn no_order_is_better_by_the_pictures_of_its_prefixes() {
+    let mesh = textured(256);
+    let plain = file(&mesh, Schedule::MeshFirst);
+    let Scheduled { bytes, curve, areas, drawn } = ordered(&plain);
+    assert!(drawn > 10);
+    for other in [areas.greedy, areas.mesh_first, areas.texture_first, areas.linear] {
+        assert!(areas.chosen >= other, "{areas:?}");
+    }
+    assert!(areas.chosen > 1.01 * areas.mesh_first.max(areas.texture_first), "{areas:?}");
+    assert!(curve.last().expect("points").quality > 1.0 - 1e-9);
+    let front = front(&bytes);
+    let seen_bytes = front.chunks().iter().rfind(|c| c.kind != Kind::Image || c.image == 0);
+    assert_eq!(curve.last().map(|p| p.bytes), seen_bytes.map(|c| c.end()));
+    assert!(curve.windows(2).all(|w| w[0].bytes < w[1].bytes && w[0].level <= w[1].level));
+    // The curve says what the pictures of its prefixes say.
+    let (views, size) = OPTIONS.effort.views();
+    let options = ViewOptions { views, size, shading: Shading::Smooth };
+    let snapshots = Snapshots::new(&prefix(&plain), &Cpu, &options).expect("pictures");
+    for point in curve.iter().step_by(3) {
+        let seen = snapshots.compare(&prefix(&bytes[..point.bytes as usize]), &Cpu).expect("pictures").ms_ssim;
+        assert!((seen - point.quality).abs() < 1e-3, "{point:?}: {seen}");
+    }
+}
+
+#[test]
+fn files_without_pictures_stay_as_they_are() {
+    let mut mesh = textured(64);
+    let bare = generate::asteroid(12, 5);
+    mesh.appearance.materials = vec!["{}".into()];
+    for mesh in [bare, mesh, Mesh::default()] {
+        let plain = file(&mesh, Schedule::Linear);
+        let scheduled = ordered(&plain);
+        assert_eq!((&scheduled.bytes, scheduled.drawn), (&plain, 0));
+        assert_eq!(scheduled.curve.len(), 1);
+    }
+}
+
+#[test]
+fn what_cannot_be_put_in_order_says_why() {
+    let plain = file(&textured(64), Schedule::MeshFirst);
+    let why = |bytes: &[u8]| by_quality(bytes, &OPTIONS, &|_, _| {}).expect_err("no file").to_string();
+    let half = plain.len() / 2;
+    let cut = format!("the file is cut: {half} bytes of {}", plain.len());
+    assert!(why(&plain[..half]).starts_with(&cut), "{}", why(&plain[..half]));
+    assert_eq!(why(b"solid nothing"), Front::parse(b"solid nothing").expect_err("no file").to_string());
+    let mut flipped = plain.clone();
+    *flipped.last_mut().expect("bytes") ^= 1;
+    assert!(matches!(
+        by_quality(&flipped, &OPTIONS, &|_, _| {}),
+        Err(ScheduleError::Container(_) | ScheduleError::Decode(_))
+    ));
+    let small = Options { memory_limit: 1000, ..OPTIONS };
+    assert!(by_quality(&plain, &small, &|_, _| {}).expect_err("no room").to_string().contains("memory"));
+    assert_eq!("medium".parse::<Effort>().unwrap_err(), "\"medium\" is no effort; use low, normal or high");
+}
