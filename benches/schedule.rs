@@ -63,7 +63,7 @@ fn main() {
         return;
     };
     for model in MODELS.iter().filter(|m| wanted.is_empty() || wanted.iter().any(|w| m.contains(w.as_str()))) {
-        match read_path(&data.join(model), &ReadOptions::default()) {
+        match read_path(data.join(model), &ReadOptions::default()) {
             Ok(read) => measure(model.rsplit('/').next().unwrap_or(model), read.mesh, effort),
             Err(why) => println!("{model}: skipped, {why}"),
         }
