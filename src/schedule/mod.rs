@@ -3,7 +3,7 @@
 //! [`by_quality`] takes a finished file and writes its chunks in another order; no chunk changes, so any decoder reads the result, and what
 //! it decodes to is the same. Levels of the mesh and pieces of the images that are drawn are the two sides of a grid ([`plan`]); what
 //! a cell is worth is the mean MS-SSIM of pictures of it against the whole file, from the cameras of [`crate::quality`]. Few cells are drawn
-//! ([`surface`] knows the others from them), and none beyond the level that already looks like the full one. The paper goes greedily by ΔQ/ΔS;
+//! (`surface` knows the others from them), and none beyond the level that already looks like the full one. The paper goes greedily by ΔQ/ΔS;
 //! with the whole grid known the best path is found instead, so that no other order has a larger area under its curve.
 //!
 //! Invariants: level 0 and the materials come first; pieces of an image keep their order, and so do levels; images that are not drawn (normal

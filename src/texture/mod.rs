@@ -2,7 +2,7 @@
 //!
 //! A baseline file becomes a progressive one: its coefficients are read, verified to come back, and coded anew in nine scans, coarse before
 //! fine ([ITU-T T.81](https://www.w3.org/Graphics/JPEG/itu-t81.pdf), annexes F and G). All other segments stay, so do bytes behind the end. A file
-//! that is progressive already is cut as it is. Anything else stays in one piece, with a reason.
+//! that is progressive already is coded anew in these scans where that is smaller, and else cut as it is. Anything else stays in one piece, with a reason.
 //!
 //! This is written here, rather than bound to a C library, for three reasons: nothing below needs `unsafe`, hostile images are read by safe
 //! code alone, and the decoder can turn a progressive file into the baseline file that it was, byte by byte, without C ([`restore`]).
@@ -146,7 +146,7 @@ fn coefficient_bytes(input: &mut impl Read) -> Option<u64> {
         let &[0xFF, process, ref length @ ..] = &head else { return None };
         let length = u16::from_be_bytes(*length).checked_sub(2)? as u64;
         match process {
-            0xC0 | 0xC1 => {
+            0xC0..=0xC2 => {
                 let mut frame = Vec::new();
                 input.take(length).read_to_end(&mut frame).ok()?;
                 let parsed = Parsed { items: Vec::new(), trailer: &[], process, frame: &frame };
@@ -163,12 +163,16 @@ fn coefficient_bytes(input: &mut impl Read) -> Option<u64> {
 fn pieces(bytes: &[u8], exactness: Exactness) -> Result<Pieces<'_>, Odd> {
     let parsed = Parsed::new(bytes)?;
     match parsed.process {
-        0xC2 => {
-            let pieces = split(bytes, &parsed).map(Cow::Borrowed).collect();
-            Ok(Pieces { pieces, recipe: None, memory: 0, way: Way::Cut })
-        }
-        0xC0 | 0xC1 => {
-            let (file, recipe) = transcode(bytes, &parsed, exactness)?;
+        0xC0..=0xC2 => {
+            let (file, recipe) = match (parsed.process, exactness) {
+                // Progressive already: other scans are worth the trouble where they are smaller.
+                (0xC2, Exactness::Coefficients) => match transcode(bytes, &parsed, exactness) {
+                    Ok(other) if other.0.len() < bytes.len() => other,
+                    _ => return Ok(as_it_is(bytes, &parsed)),
+                },
+                (0xC2, Exactness::Bytes) => return Ok(as_it_is(bytes, &parsed)),
+                _ => transcode(bytes, &parsed, exactness)?,
+            };
             let again = Parsed::new(&file)?;
             let memory = match recipe {
                 Some(_) => {
@@ -184,19 +188,28 @@ fn pieces(bytes: &[u8], exactness: Exactness) -> Result<Pieces<'_>, Odd> {
     }
 }
 
-/// The progressive file with the coefficients of a baseline one, and with [`Exactness::Bytes`] the recipe that leads back.
+/// A progressive file cut at its own scans.
+fn as_it_is<'a>(bytes: &'a [u8], parsed: &Parsed<'_>) -> Pieces<'a> {
+    let pieces = split(bytes, parsed).map(Cow::Borrowed).collect();
+    Pieces { pieces, recipe: None, memory: 0, way: Way::Cut }
+}
+
+/// The progressive file in our scans with the coefficients of another one, and with [`Exactness::Bytes`] the recipe that leads back.
 fn transcode(bytes: &[u8], parsed: &Parsed<'_>, exactness: Exactness) -> Result<(Vec<u8>, Option<Vec<u8>>), Odd> {
     let frame = Frame::new(parsed, MAX_COEFFICIENT_BYTES)?;
     // A block takes two bits at least: dimensions prove nothing.
     if frame.blocks() as u64 > parsed.coded_bytes() as u64 * 4 {
         return Err(Odd("it is cut: there are fewer bytes than its blocks need"));
     }
-    let mut coefficients = sequential::decode(parsed, &frame)?;
+    let mut coefficients = match parsed.process {
+        0xC2 => progressive::decode(parsed, &frame)?,
+        _ => sequential::decode(parsed, &frame)?,
+    };
     let filling = frame.take_filling(&mut coefficients);
     let mut out = vec![0xFF, 0xD8];
     for item in &parsed.items {
         match *item {
-            Item::Segment { marker: 0xC0 | 0xC1, bytes } => {
+            Item::Segment { marker: 0xC0..=0xC2, bytes } => {
                 out.extend_from_slice(&[0xFF, 0xC2]);
                 out.extend_from_slice(&bytes[2..]);
             }
