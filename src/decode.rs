@@ -3,7 +3,6 @@
 //! Integer arithmetic alone decides what comes out; only [`Decoder::positions`] turns lattice points into coordinates. Counts are
 //! checked against the memory limit before anything is allocated by them.
 
-use crate::codec::appearance::{AppearanceError, code_appearance};
 use crate::codec::aside::code_aside;
 use crate::codec::base::code_elements;
 use crate::codec::layers::{Lone, Scheme, code_base_layers, code_lone_values};
@@ -16,9 +15,10 @@ use crate::complex::{Attributes, Batch, Faces, Level, Side, Star, Wanted, refine
 use crate::container::{ChunkInfo, ContainerError, Event, Front, Kind, LevelInfo, Reader};
 use crate::mesh::{Appearance, Layer, Mesh, NO_VALUE};
 use crate::par;
-use crate::texture::{END, Odd, restore};
 use std::sync::atomic::AtomicU64;
 use thiserror::Error;
+
+mod pictures;
 
 /// What the user chooses.
 #[derive(Clone, Debug, PartialEq)]
@@ -296,98 +296,6 @@ impl Decoder {
             if layer.len() > announced || (full && layer.len() != announced) {
                 return Err(corrupt(level, "another number of wedges than the header announces"));
             }
-        }
-        Ok(())
-    }
-
-    /// Materials or an image.
-    fn take_picture(&mut self, level: u32, info: ChunkInfo, payload: Vec<u8>) -> Result<(), DecodeError> {
-        match (info.kind, &mut self.appearance) {
-            (Kind::Appearance, None) => {
-                let mut coder = range::Decoder::new(payload);
-                let limit = self.options.memory_limit;
-                let used = self.reader.front()?.map_or(0, |front| front.memory(level));
-                let room = limit.saturating_sub(used).saturating_add(info.memory);
-                let (appearance, held) =
-                    code_appearance(&mut coder, &Appearance::default(), room).map_err(|error| match error {
-                        AppearanceError::Nonsense(Nonsense(what)) => corrupt(level, what),
-                        AppearanceError::Memory { needed } => ContainerError::MemoryLimit {
-                            needed: used.saturating_sub(info.memory).saturating_add(needed),
-                            limit,
-                        }
-                        .into(),
-                    })?;
-                if coder.overrun() {
-                    return Err(corrupt(level, "materials that end too early"));
-                }
-                let announced = match self.reader.front()? {
-                    Some(front) => &front.header().attributes,
-                    None => return Err(corrupt(level, "materials before the header")),
-                };
-                let found = (appearance.materials.len(), appearance.images.len());
-                if found != (announced.materials as usize, announced.images as usize) {
-                    return Err(corrupt(level, "other materials or images than the header announces"));
-                }
-                self.pieces = vec![[0; 2]; appearance.images.len()];
-                self.appearance = Some(appearance);
-                self.held = held.saturating_sub(info.memory);
-            }
-            (Kind::Image, Some(_)) => self.take_piece(level, info, payload)?,
-            (Kind::Recipe, Some(_)) => self.take_recipe(level, info, &payload)?,
-            // Offered before its chunk came.
-            (Kind::Appearance, Some(_)) => {}
-            (Kind::Image | Kind::Recipe, None) => return Err(corrupt(level, "images before materials")),
-            _ => {}
-        }
-        Ok(())
-    }
-
-    /// The next piece of an image; without the last one, an end marker makes a file of what is there.
-    fn take_piece(&mut self, level: u32, info: ChunkInfo, mut payload: Vec<u8>) -> Result<(), DecodeError> {
-        let Some([next, all]) = self.pieces.get_mut(info.image as usize) else { return Ok(()) };
-        if info.segment < *next {
-            // Offered before its chunk came.
-            return Ok(());
-        }
-        if info.segment > *next {
-            return Err(corrupt(level, "a piece of an image before the pieces that it follows"));
-        }
-        let (open, last) = (*next > 0, info.segment + 1 == info.segments);
-        (*next, *all) = (info.segment + 1, info.segments);
-        self.image_bytes = self.image_bytes.saturating_add(payload.len() as u64);
-        self.afford(level)?;
-        if !last {
-            payload.extend_from_slice(&END);
-        }
-        let Some(image) = self.appearance.as_mut().and_then(|a| a.images.get_mut(info.image as usize)) else {
-            return Ok(());
-        };
-        if open {
-            image.bytes.truncate(image.bytes.len().saturating_sub(END.len()));
-            image.bytes.extend_from_slice(&payload);
-        } else {
-            image.bytes = payload;
-        }
-        Ok(())
-    }
-
-    /// The recipe of an image that is whole: its very bytes.
-    fn take_recipe(&mut self, level: u32, info: ChunkInfo, recipe: &[u8]) -> Result<(), DecodeError> {
-        const DONE: u32 = u32::MAX;
-        match self.pieces.get(info.image as usize) {
-            Some([DONE, DONE]) => return Ok(()),
-            Some([have, all]) if have == all && *all > 0 => {}
-            _ => return Err(corrupt(level, "the recipe of an image before the image")),
-        }
-        let limit = self.options.memory_limit;
-        let used = self.reader.front()?.map_or(0, |front| front.memory(level)).saturating_add(self.held);
-        let room = limit.saturating_sub(used.saturating_sub(info.memory));
-        let image = self.appearance.as_mut().and_then(|a| a.images.get_mut(info.image as usize));
-        if let Some(image) = image {
-            image.bytes = restore(&image.bytes, recipe, room).map_err(|Odd(what)| corrupt(level, what))?;
-        }
-        if let Some(pieces) = self.pieces.get_mut(info.image as usize) {
-            *pieces = [DONE; 2];
         }
         Ok(())
     }

@@ -71,16 +71,7 @@ fn parts(bytes: &[u8]) -> Parts {
         .chunks()
         .iter()
         .enumerate()
-        .map(|(k, c)| Chunk {
-            kind: c.kind,
-            first_level: c.first_level,
-            last_level: c.last_level,
-            segment: c.segment,
-            segments: c.segments,
-            image: c.image,
-            memory: c.memory,
-            payload: front.payload(bytes, k).unwrap().unwrap().to_vec(),
-        })
+        .map(|(k, c)| c.chunk(front.payload(bytes, k).unwrap().unwrap().to_vec()))
         .collect();
     Parts { header: front.header().clone(), chunks }
 }

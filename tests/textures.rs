@@ -241,16 +241,7 @@ fn hostile_pictures_do_no_harm() {
     let chunks: Vec<Chunk> = (0..front.chunks().len())
         .map(|k| {
             let c = front.chunks()[k];
-            Chunk {
-                kind: c.kind,
-                first_level: c.first_level,
-                last_level: c.last_level,
-                segment: c.segment,
-                segments: c.segments,
-                image: c.image,
-                memory: c.memory,
-                payload: front.payload(&bytes, k).unwrap().unwrap().to_vec(),
-            }
+            c.chunk(front.payload(&bytes, k).unwrap().unwrap().to_vec())
         })
         .collect();
     let pictures: Vec<usize> =

@@ -230,6 +230,12 @@ pub struct ChunkInfo {
 }
 
 impl ChunkInfo {
+    /// The chunk with this payload, on its way into another file.
+    pub fn chunk<B>(&self, payload: B) -> Chunk<B> {
+        let &ChunkInfo { kind, first_level, last_level, segment, segments, image, memory, .. } = self;
+        Chunk { kind, first_level, last_level, segment, segments, image, memory, payload }
+    }
+
     /// The first byte behind it.
     pub fn end(&self) -> u64 {
         self.offset.saturating_add(self.length)

@@ -365,8 +365,7 @@ pub fn with_chunk(file: &[u8], make: impl FnOnce(u32) -> Chunk) -> Result<Vec<u8
     let mut chunks = Vec::with_capacity(front.chunks().len() + 1);
     for (index, &info) in front.chunks().iter().enumerate() {
         let payload = front.payload(file, index)?.unwrap_or_default();
-        let ChunkInfo { kind, first_level, last_level, segment, segments, image, memory, .. } = info;
-        chunks.push(Chunk { kind, first_level, last_level, segment, segments, image, memory, payload });
+        chunks.push(info.chunk(payload));
     }
     chunks.push(last.borrowed());
     write_borrowed(front.header(), &chunks)

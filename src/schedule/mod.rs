@@ -174,6 +174,7 @@ pub fn by_quality(
         return Ok(Scheduled { bytes: file.to_vec(), curve, drawn: 0, areas: Areas::default() });
     }
     // The table takes a few bytes more or less in another order: what is planned does not depend on where the file comes from.
+    let payload = sizes.base;
     sizes.base += front_length(&layout.write(file, &front, &plan::mesh_first(&sizes))?)?;
     let last = sizes.last();
     let expected = 3 * (last.0 + last.1);
@@ -215,7 +216,7 @@ pub fn by_quality(
         linear: area(&known[2]),
     };
     let bytes = layout.write(file, &front, &chosen)?;
-    let base = front_length(&bytes)? + layout.sizes(&front).base;
+    let base = front_length(&bytes)? + payload;
     let curve = chosen.iter().map(|&cell| Point {
         bytes: base + sizes.at(cell) - sizes.base,
         level: layout.levels[cell.0],
@@ -313,15 +314,14 @@ impl Layout {
         let mut level = 0;
         for &index in self.first.iter().chain(steps).chain(&self.rest) {
             let payload = front.payload(file, index)?.unwrap_or_default();
-            let ChunkInfo { kind, mut first_level, mut last_level, segment, segments, image, memory, .. } =
-                front.chunks()[index];
-            match kind {
+            let mut chunk = front.chunks()[index].chunk(payload);
+            match chunk.kind {
                 // Where it stands.
-                Kind::Appearance | Kind::Image | Kind::Recipe => (first_level, last_level) = (level, level),
+                Kind::Appearance | Kind::Image | Kind::Recipe => (chunk.first_level, chunk.last_level) = (level, level),
                 Kind::Other(_) => {}
-                _ => level = last_level,
+                _ => level = chunk.last_level,
             }
-            chunks.push(Chunk { kind, first_level, last_level, segment, segments, image, memory, payload });
+            chunks.push(chunk);
         }
         Ok(write_borrowed(front.header(), &chunks)?)
     }

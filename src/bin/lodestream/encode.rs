@@ -190,7 +190,8 @@ impl ImageArgs {
         }
         let clock = Instant::now();
         let mut options = schedule::Options { effort: self.schedule_effort, ..schedule::Options::default() };
-        options.memory_limit = memory_limit.unwrap_or(options.memory_limit);
+        // The file is our own: what it takes has been there before.
+        options.memory_limit = memory_limit.unwrap_or(u64::MAX);
         let show = |drawn: usize, all: usize| bars.show("order", drawn as u64, all as u64);
         let mut scheduled = schedule::by_quality(&encoded.bytes, &options, &show)?;
         encoded.bytes = std::mem::take(&mut scheduled.bytes);

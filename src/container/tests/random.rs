@@ -156,16 +156,7 @@ proptest! {
                 let again: Vec<Chunk> = front
                     .chunks()
                     .iter()
-                    .map(|c| Chunk {
-                        kind: c.kind,
-                        first_level: c.first_level,
-                        last_level: c.last_level,
-                        segment: c.segment,
-                        segments: c.segments,
-                        image: c.image,
-                        memory: c.memory,
-                        payload: vec![],
-                    })
+                    .map(|c| c.chunk(vec![]))
                     .collect();
                 let file = write(front.header(), &again).unwrap();
                 let again = self::front(&file);
