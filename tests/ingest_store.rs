@@ -80,6 +80,23 @@ fn a_store_that_fails_now_and_then_is_asked_again() {
 }
 
 #[test]
+fn a_list_that_breaks_off_goes_on_where_it_was() {
+    // Four pages; every second answer breaks off, whichever the threads ask for first.
+    let bucket = filled(26);
+    bucket.fault(Fault::Cut(2));
+    let run = ingest(&bucket, "ingest s3://scans/raw -o s3://scans/out --jobs 2 --retry-within 60").ok();
+    assert!(run.stdout.contains("26: 26 done"), "{}", run.stdout);
+    assert_eq!(outputs(&bucket, "out/").len(), 26);
+    let bucket = filled(2);
+    bucket.fault(Fault::Cut(1));
+    let run = ingest(&bucket, "ingest s3://scans/raw -o s3://scans/out --retries 2 --retry-within 5");
+    assert_eq!(run.code, 3, "{}", run.stderr);
+    assert!(run.stderr.contains("s3://scans/raw: the store failed"), "{}", run.stderr);
+    let lists = bucket.requests().iter().filter(|r| r.contains("list-type")).count();
+    assert_eq!(lists, 3, "one attempt and two more: {:?}", bucket.requests());
+}
+
+#[test]
 fn what_a_store_refuses_fails_alone_and_comes_with_the_next_run() {
     let clean = clean(9);
     let bucket = filled(9);
@@ -155,4 +172,13 @@ fn what_lies_beside_a_source_comes_along_and_large_outputs_are_complete_before_t
     assert_eq!(writes, ["POST", "PUT", "PUT", "PUT", "POST"], "begun, three parts, completed last: {requests:?}");
     let run = ingest(&bucket, "ingest s3://scans/raw -o s3://scans/out --resume").ok();
     assert!(run.stdout.contains("1: 0 done, 1 skipped"), "{}", run.stdout);
+
+    // Completed, but the answer that says so breaks off: sent once more.
+    bucket.fault(Fault::Completion);
+    let before = bucket.requests().len();
+    ingest(&bucket, "ingest s3://scans/raw -o s3://scans/out --retry-within 60").ok();
+    assert!(outputs(&bucket, "out/")["rocks/rock.lods"] == local);
+    let requests = &bucket.requests()[before..];
+    let completed = requests.iter().filter(|r| r.starts_with("POST") && r.contains("uploadId")).count();
+    assert_eq!(completed, 2, "{requests:?}");
 }

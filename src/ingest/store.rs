@@ -2,23 +2,28 @@
 //!
 //! Credentials, endpoints and other options come from the environment as that crate reads them (`AWS_*`, `GOOGLE_*`,
 //! `AZURE_*`). It repeats a request that failed with 5xx, was cut or timed out, waiting longer each time; [`Retries`]
-//! bounds that. Downloads go in ranges under one entity tag, so that a connection that breaks costs one range, and an
-//! object that changes on the way is an error and never a mixture. Uploads are whole or not at all: one request up to
-//! [`MULTIPART_ABOVE`], and a multipart upload, completed last and aborted on failure, beyond.
+//! bounds that. What it leaves to its callers, lists and multipart uploads whose answer broke off in its body, is
+//! repeated here ([`Store::again`]) within the same bounds. Downloads go in ranges under one entity tag, so that a
+//! connection that breaks costs one range, and an object that changes on the way is an error and never a mixture.
+//! Uploads are whole or not at all: one request up to [`MULTIPART_ABOVE`], and a multipart upload, completed last and
+//! aborted on failure, beyond.
 
 use super::error::{Failure, FailureKind, IngestError};
 use futures_util::{StreamExt, TryStreamExt, stream};
 use object_store::aws::{AmazonS3Builder, AmazonS3ConfigKey};
 use object_store::azure::{AzureConfigKey, MicrosoftAzureBuilder};
+use object_store::client::HttpError;
 use object_store::gcp::{GoogleCloudStorageBuilder, GoogleConfigKey};
+use object_store::list::{PaginatedListOptions, PaginatedListStore};
 use object_store::path::Path;
 use object_store::{
     BackoffConfig, ClientConfigKey, Error, GetOptions, GetRange, ObjectStore, ObjectStoreExt, PutPayload, RetryConfig,
 };
 use std::collections::HashMap;
+use std::error::Error as _;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::runtime::{Handle, Runtime};
 
 /// Bytes of one request of a download.
@@ -44,6 +49,16 @@ pub struct Retries {
 impl Default for Retries {
     fn default() -> Self {
         Retries { times: 10, within: Duration::from_secs(180), timeout: Duration::from_secs(60) }
+    }
+}
+
+/// The longest wait between two attempts.
+const LONGEST_WAIT: Duration = Duration::from_secs(15);
+
+impl Retries {
+    /// The wait after the first attempt; every further one is twice as long, up to [`LONGEST_WAIT`].
+    fn first_wait(&self) -> Duration {
+        Duration::from_millis(100).min(self.within / 16)
     }
 }
 
@@ -81,38 +96,34 @@ impl Stores {
         let Some(handle) = open.0.as_ref().map(|r| r.handle().clone()) else {
             return Err(fail(&"no threads"));
         };
-        let inner = self.build(scheme, &url).map_err(|e| fail(&e))?;
-        let store = Arc::new(Store { inner, handle, url: url.clone() });
+        let (inner, pages) = self.build(scheme, &url).map_err(|e| fail(&e))?;
+        let store = Arc::new(Store { inner, pages, handle, url: url.clone(), retries: self.retries });
         open.1.insert(url, store.clone());
         Ok(store)
     }
 
-    fn build(&self, scheme: &str, url: &str) -> Result<Arc<dyn ObjectStore>, Error> {
+    fn build(&self, scheme: &str, url: &str) -> Result<Sides, Error> {
         let Retries { times, within, timeout } = self.retries;
-        let backoff = BackoffConfig {
-            init_backoff: Duration::from_millis(100).min(within / 16),
-            max_backoff: Duration::from_secs(15),
-            base: 2.0,
-        };
+        let backoff = BackoffConfig { init_backoff: self.retries.first_wait(), max_backoff: LONGEST_WAIT, base: 2.0 };
         let retry = RetryConfig { backoff, max_retries: times as usize, retry_timeout: within };
         let timeout = format!("{} ms", timeout.as_millis());
         let key = ClientConfigKey::Timeout;
         Ok(match scheme {
-            "gs" => Arc::new(
+            "gs" => both(
                 GoogleCloudStorageBuilder::from_env()
                     .with_url(url)
                     .with_retry(retry)
                     .with_config(GoogleConfigKey::Client(key), timeout)
                     .build()?,
             ),
-            "az" => Arc::new(
+            "az" => both(
                 MicrosoftAzureBuilder::from_env()
                     .with_url(url)
                     .with_retry(retry)
                     .with_config(AzureConfigKey::Client(key), timeout)
                     .build()?,
             ),
-            _ => Arc::new(
+            _ => both(
                 AmazonS3Builder::from_env()
                     .with_url(url)
                     .with_retry(retry)
@@ -123,11 +134,21 @@ impl Stores {
     }
 }
 
+/// A store as what holds objects and as what lists them in pages.
+type Sides = (Arc<dyn ObjectStore>, Arc<dyn PaginatedListStore>);
+
+fn both<S: ObjectStore + PaginatedListStore>(store: S) -> Sides {
+    let store = Arc::new(store);
+    (store.clone(), store)
+}
+
 /// One bucket or container.
 pub(super) struct Store {
     inner: Arc<dyn ObjectStore>,
+    pages: Arc<dyn PaginatedListStore>,
     handle: Handle,
     url: String,
+    retries: Retries,
 }
 
 /// Size and entity tag of an object.
@@ -178,6 +199,26 @@ impl Store {
         }
     }
 
+    /// Do `work`, and do it again while its error is one of those, within the bounds of [`Retries`].
+    async fn again<T>(
+        &self,
+        those: fn(&Error) -> bool,
+        mut work: impl AsyncFnMut() -> Result<T, Error>,
+    ) -> Result<T, Error> {
+        let (start, mut wait) = (Instant::now(), self.retries.first_wait());
+        let mut left = self.retries.times;
+        loop {
+            match work().await {
+                Err(e) if those(&e) && left > 0 && start.elapsed() < self.retries.within => {
+                    tokio::time::sleep(wait).await;
+                    wait = (wait * 2).min(LONGEST_WAIT);
+                    left -= 1;
+                }
+                result => return result,
+            }
+        }
+    }
+
     /// A range of an object, under its tag.
     pub fn range(&self, key: &str, meta: &Meta, range: Range<u64>) -> Result<Vec<u8>, Failure> {
         let range = range.start..range.end.min(meta.size);
@@ -223,37 +264,69 @@ impl Store {
     /// Put an object in its place, whole or not at all.
     pub fn put(&self, key: &str, bytes: Vec<u8>) -> Result<(), Failure> {
         let path = self.path(key)?;
-        let work = async {
-            if bytes.len() <= MULTIPART_ABOVE {
-                return self.inner.put(&path, PutPayload::from(bytes)).await.map(drop);
-            }
-            let mut upload = self.inner.put_multipart(&path).await?;
-            let parts: Vec<_> = bytes.chunks(PART).map(|p| upload.put_part(PutPayload::from(p.to_vec()))).collect();
-            let sent = stream::iter(parts).buffer_unordered(AT_ONCE).try_collect::<Vec<()>>().await;
-            match sent {
-                Ok(_) => upload.complete().await.map(drop),
-                Err(e) => {
-                    // There is an error to report already; a store that fails here too drops the parts by its own rules.
-                    let _ = upload.abort().await;
-                    Err(e)
-                }
-            }
+        let parts: Vec<PutPayload> = if bytes.len() <= MULTIPART_ABOVE {
+            vec![bytes.into()]
+        } else {
+            bytes.chunks(PART).map(|p| p.to_vec().into()).collect()
         };
-        self.handle.block_on(work).map_err(|e| self.failure(key, &e))
+        let whole = async {
+            if let [whole] = &parts[..] {
+                return self.inner.put(&path, whole.clone()).await.map(drop);
+            }
+            // Beginning and completing are not repeated by the crate; parts are, so their failure is final.
+            let in_parts = async || {
+                let mut upload = self.inner.put_multipart(&path).await?;
+                let parts: Vec<_> = parts.iter().map(|p| upload.put_part(p.clone())).collect();
+                let sent = stream::iter(parts).buffer_unordered(AT_ONCE).try_collect::<Vec<()>>().await;
+                match sent {
+                    Ok(_) => upload.complete().await.map(|_| Ok(())),
+                    Err(e) => {
+                        // There is an error to report already; a store that fails here too drops the parts by its own
+                        // rules.
+                        let _ = upload.abort().await;
+                        Ok(Err(e))
+                    }
+                }
+            };
+            self.again(broke_off_anyhow, in_parts).await?
+        };
+        self.handle.block_on(whole).map_err(|e| self.failure(key, &e))
     }
 
     /// All objects below a prefix, in the order of their keys, as key and size.
     pub fn list(&self, prefix: &str, mut each: impl FnMut(&str, u64) -> bool) -> Result<(), Failure> {
-        let prefix = if prefix.is_empty() { None } else { Some(self.path(prefix)?) };
-        let mut objects = self.inner.list(prefix.as_ref());
-        while let Some(object) = self.handle.block_on(objects.next()) {
-            let object = object.map_err(|e| self.failure(prefix.as_ref().map_or("", |p| p.as_ref()), &e))?;
-            if !each(object.location.as_ref(), object.size) {
-                break;
+        // Like a folder's name: what only begins with the same letters lies elsewhere.
+        let below = if prefix.is_empty() { None } else { Some(format!("{}/", self.path(prefix)?)) };
+        let mut token = None;
+        loop {
+            let work = self.again(broke_off, async || {
+                let options = PaginatedListOptions { page_token: token.clone(), ..PaginatedListOptions::default() };
+                self.pages.list_paginated(below.as_deref(), options).await
+            });
+            let page = self.handle.block_on(work).map_err(|e| self.failure(prefix, &e))?;
+            for object in page.result.objects {
+                if !each(object.location.as_ref(), object.size) {
+                    return Ok(());
+                }
+            }
+            token = page.page_token;
+            if token.is_none() {
+                return Ok(());
             }
         }
-        Ok(())
     }
+}
+
+/// Whether it is an answer that began well and then broke off, which the crate leaves to its callers (but for
+/// downloads). Errors after its own attempts hold the same kind of error one step deeper.
+fn broke_off(e: &Error) -> bool {
+    let Error::Generic { source, .. } = e else { return false };
+    source.source().is_some_and(|s| s.is::<HttpError>())
+}
+
+/// The same, at any depth: for requests that the crate does not repeat.
+fn broke_off_anyhow(e: &Error) -> bool {
+    std::iter::successors(e.source(), |&s| s.source()).any(|s| s.is::<HttpError>())
 }
 
 /// What the crate has to say, without the bodies of answers that it likes to quote.

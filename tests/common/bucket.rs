@@ -18,6 +18,8 @@ pub enum Fault {
     Cut(u64),
     /// This part of every multipart upload is answered with this status.
     Part(u32, u16),
+    /// The answer to the first upload that is completed breaks off in its body.
+    Completion,
     /// Bodies come in small pieces, each after so many milliseconds.
     Slow(u64),
 }
@@ -191,8 +193,13 @@ fn serve(stream: &TcpStream, shared: &Mutex<Inner>) -> std::io::Result<bool> {
         let has_body = method == "GET" && reply.status < 300 && reply.body.len() > 1;
         inner.bodies += u64::from(has_body);
         let bodies = inner.bodies;
-        let cut =
+        let mut cut =
             has_body && inner.faults.iter().any(|f| matches!(f, Fault::Cut(every) if bodies.is_multiple_of(*every)));
+        if method == "POST" && query.contains_key("uploadId") {
+            let before = inner.faults.len();
+            inner.faults.retain(|f| *f != Fault::Completion);
+            cut |= inner.faults.len() < before;
+        }
         let slow = inner.faults.iter().find_map(|f| if let Fault::Slow(ms) = f { Some(*ms) } else { None });
         (reply, cut, slow)
     };
