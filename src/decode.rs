@@ -112,7 +112,9 @@ pub struct Decoder {
     held: u64,
     /// Of each image how many pieces are here, and how many there are.
     pieces: Vec<[u32; 2]>,
-    /// Bytes of images that are here.
+    /// Of each image the preview that it shows.
+    previews: Vec<Option<pictures::Shown>>,
+    /// Bytes of images, or of their previews, that are here.
     image_bytes: u64,
     failed: Option<DecodeError>,
 }
@@ -144,6 +146,7 @@ impl Decoder {
             appearance: None,
             held: 0,
             pieces: Vec::new(),
+            previews: Vec::new(),
             image_bytes: 0,
             failed: None,
         }
@@ -239,7 +242,9 @@ impl Decoder {
                 }
                 // It speaks of vertices of the level: it waits until that is there.
                 Kind::Lone => self.late = Some(payload),
-                Kind::Appearance | Kind::Image | Kind::Recipe => self.take_picture(next, info, payload)?,
+                Kind::Appearance | Kind::Image | Kind::Recipe | Kind::Preview => {
+                    self.take_picture(next, info, payload)?;
+                }
                 Kind::Other(_) => {}
                 _ => return Err(corrupt(next, "a chunk of another level")),
             }
@@ -595,7 +600,7 @@ impl Decoder {
         mesh
     }
 
-    /// Hand in the payload of a chunk of materials, or of a piece or recipe of an image, that was fetched apart, its checksum verified
+    /// Hand in the payload of a chunk of materials, or of a preview, piece or recipe of an image, that was fetched apart, its checksum verified
     /// ([`Front::payload`], [`Front::check_chunk`]); other kinds, and what is there already, are passed over. Pieces of an image come in
     /// their order, those of different images in any.
     ///
@@ -613,7 +618,7 @@ impl Decoder {
     }
 
     /// Materials, textures and images, as far as they have arrived: an image of which some pieces are here is a whole file of less detail,
-    /// one of which none is here is empty.
+    /// one of which none is here is its finest preview, with the media type of that, or empty.
     pub fn appearance(&self) -> Option<&Appearance> {
         self.appearance.as_ref()
     }
@@ -626,7 +631,7 @@ impl Decoder {
             Ok(Some(front)) => front.header().attributes.images as usize,
             _ => 0,
         };
-        let begun = self.pieces.iter().filter(|p| p[0] > 0).count();
+        let begun = self.pieces.iter().zip(&self.previews).filter(|(p, shown)| p[0] > 0 || shown.is_some()).count();
         let whole = self.pieces.iter().filter(|p| p[0] > 0 && p[0] == p[1]).count();
         MissingImages { all, none: all.saturating_sub(begun), part: begun - whole }
     }
@@ -639,7 +644,7 @@ pub struct MissingImages {
     pub all: usize,
     /// Those of which nothing has arrived.
     pub none: usize,
-    /// Those of which some pieces have arrived, and not all.
+    /// Those of which a preview or some pieces have arrived, and not all.
     pub part: usize,
 }
 

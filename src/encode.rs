@@ -14,7 +14,7 @@ use crate::codec::layers::{Lone, Value, code_lone_values};
 use crate::codec::range;
 use crate::codec::segment::Nonsense;
 use crate::complex::{Faces, Level};
-use crate::container::{self, AsideCounts, Chunk, ContainerError, ErrorBound, Header, LevelInfo};
+use crate::container::{self, AsideCounts, Chunk, ContainerError, ErrorBound, Header, LevelInfo, Preview};
 use crate::lattice::{Lattice, LatticeError, Quantization};
 use crate::mesh::{LayerKind, Mesh, MeshError};
 use crate::metric::Engine;
@@ -101,6 +101,8 @@ pub struct BitsByKind {
     pub appearance: f64,
     /// Images.
     pub images: f64,
+    /// Previews of images.
+    pub previews: f64,
 }
 
 /// What was done with an image.
@@ -110,8 +112,10 @@ pub struct ImageReport {
     pub name: String,
     /// Bytes of its file.
     pub bytes: u64,
-    /// Bytes of its chunks.
+    /// Bytes of its chunks, without those of its previews.
     pub stored: u64,
+    /// Bytes of the chunk of each of its previews, coarse before fine.
+    pub previews: Vec<u64>,
     /// Pieces that it came into; each prefix of them is a picture.
     pub pieces: usize,
     /// What was done with it.
@@ -286,7 +290,7 @@ pub fn encode_on(
         attribute_bits += payload.len() as f64 * 8.0;
         chunks.push(Chunk::lone(full_level, payload).map(Cow::Owned));
     }
-    let (mut appearance_bits, mut image_bits) = (0.0, 0.0);
+    let (mut appearance_bits, mut image_bits, mut preview_bits) = (0.0, 0.0, 0.0);
     let mut reports = Vec::new();
     if dressed.header.appearance {
         let mut coder = range::Encoder::new();
@@ -298,7 +302,7 @@ pub fn encode_on(
         appearance_bits = payload.len() as f64 * 8.0;
         // Behind the base: what is shown first has its materials.
         let appearance = Chunk::appearance(0, payload).with_memory(memory).map(Cow::Owned);
-        let (mut images, mut recipes) = (Vec::new(), Vec::new());
+        let (mut previews, mut images, mut recipes) = (Vec::new(), Vec::new(), Vec::new());
         let span = trace.span("loop", "cut images");
         for (i, image) in (0u32..).zip(&mesh.appearance.images) {
             let Pieces { pieces, recipe, way, memory } = cut(&image.bytes, options.images);
@@ -306,22 +310,31 @@ pub fn encode_on(
             let recipe = recipe.map(Cow::Owned);
             let stored = pieces.iter().chain(&recipe).map(|p| p.len()).sum::<usize>();
             image_bits += stored as f64 * 8.0;
+            let small: Vec<Chunk<Cow<'_, [u8]>>> = if image.bytes.is_empty() { &[][..] } else { &image.previews }
+                .iter()
+                .zip(0..)
+                .map(|(bytes, number)| Chunk::preview(0, &Preview { image: i, number, bytes }).map(Cow::Owned))
+                .collect();
+            preview_bits += small.iter().map(|p| p.payload.len()).sum::<usize>() as f64 * 8.0;
             if !image.bytes.is_empty() {
                 let name = if image.name.is_empty() { format!("image {i}") } else { image.name.clone() };
                 reports.push(ImageReport {
                     name,
                     bytes: image.bytes.len() as u64,
                     stored: stored as u64,
+                    previews: small.iter().map(|p| p.payload.len() as u64).collect(),
                     pieces: count,
                     way,
                 });
             }
             let piece = |(k, payload)| Chunk::image(full_level, i, k, count as u32, payload);
             images.push((0u32..).zip(pieces).map(piece).collect());
+            previews.push(small);
             recipes.extend(recipe.map(|r| Chunk::recipe(full_level, i, r).with_memory(memory)));
         }
         drop(span);
-        chunks = schedule::order(chunks, Some(appearance), images, recipes, options.schedule);
+        let pictures = schedule::Pictures { appearance: Some(appearance), previews, images, recipes };
+        chunks = schedule::order(chunks, pictures, options.schedule);
     }
     let mut announced = dressed.header;
     for (layer, &wedges) in announced.layers.iter_mut().zip(&replayed.wedges) {
@@ -369,6 +382,7 @@ pub fn encode_on(
             attributes: attribute_bits,
             appearance: appearance_bits,
             images: image_bits,
+            previews: preview_bits,
         },
         edges_weighed: history.edges_weighed,
         weighed_by: history.weighed_by,

@@ -135,8 +135,12 @@ fn sample() -> Mesh {
         vec![r#"{"name":"a","pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}"#.into(), "{}".into()];
     mesh.appearance.textures = vec![r#"{"source":0,"sampler":0}"#.into()];
     mesh.appearance.samplers = vec!["{}".into()];
-    mesh.appearance.images =
-        vec![Image { name: "a.png".into(), mime: "image/png".into(), bytes: b"\x89PNG\r\n\x1a\n".to_vec() }];
+    mesh.appearance.images = vec![Image {
+        name: "a.png".into(),
+        mime: "image/png".into(),
+        bytes: b"\x89PNG\r\n\x1a\n".to_vec(),
+        previews: Vec::new(),
+    }];
     mesh
 }
 

@@ -175,7 +175,7 @@ fn mutate(r: &mut Random, file: &mut Parts, others: &[Parts]) {
         12 => {
             // One chunk cut into segments or levels.
             let c = &mut file.chunks[chunk];
-            c.kind = [Kind::Levels, Kind::Segment, Kind::Base, Kind::Other(200)][r.below(4)];
+            c.kind = [Kind::Levels, Kind::Segment, Kind::Base, Kind::Preview, Kind::Other(200)][r.below(5)];
             if c.kind == Kind::Segment && r.below(2) == 0 {
                 let of = 2 + r.below(3) as u32;
                 let c = c.clone();

@@ -5,7 +5,7 @@
 mod small;
 
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
-use lodestream::container::{Chunk, Front, Kind, Parsed, write};
+use lodestream::container::{Chunk, Front, Kind, Parsed, Preview, write};
 use lodestream::decode::{DecodeError, DecodeOptions, Decoder, MissingImages, Step};
 use lodestream::encode::{EncodeOptions, Encoded, Schedule, encode};
 use lodestream::generate::torus;
@@ -44,7 +44,7 @@ fn with_images(mesh: Mesh, side: u16) -> Mesh {
     let colour = jpeg(side, ColorType::Rgb, false);
     let cut = colour[..colour.len() - 7].to_vec();
     let files = [colour, jpeg(side, ColorType::Luma, true), cut, Vec::new(), b"\x89PNG and so on".to_vec()];
-    let image = |(i, bytes)| Image { name: format!("{i}.jpg"), mime: "image/jpeg".into(), bytes };
+    let image = |(i, bytes)| Image { name: format!("{i}.jpg"), mime: "image/jpeg".into(), bytes, previews: Vec::new() };
     mesh.appearance.images = files.into_iter().enumerate().map(image).collect();
     mesh
 }
@@ -205,7 +205,8 @@ fn pieces_may_be_fetched_apart_in_their_order() {
 
 #[test]
 fn damage_is_noticed_and_memory_is_kept() {
-    let mesh = textured(40);
+    let mut mesh = textured(40);
+    mesh.appearance.images[0].previews = vec![vec![0xFF, 0xD8, 0xFF, 0]];
     let bytes = encoded(&mesh, Schedule::Linear, Exactness::Bytes).bytes;
     let mut damaged = bytes.clone();
     for at in 0..bytes.len() {
@@ -232,10 +233,150 @@ fn damage_is_noticed_and_memory_is_kept() {
     assert!(error.contains("memory"), "{error}");
 }
 
+/// The chunks of a file with their payloads.
+fn chunks(bytes: &[u8]) -> (Front, Vec<Chunk>) {
+    let front = front(bytes);
+    let chunk = |k: usize| front.chunks()[k].chunk(front.payload(bytes, k).unwrap().unwrap().to_vec());
+    let chunks = (0..front.chunks().len()).map(chunk).collect();
+    (front, chunks)
+}
+
+/// A mesh with two previews of a JPEG, one of something else, and one of an image that is not there.
+fn previewed() -> Mesh {
+    let mut mesh = textured(150);
+    let images = &mut mesh.appearance.images;
+    images[0].previews = vec![jpeg(8, ColorType::Rgb, false), jpeg(20, ColorType::Rgb, true)];
+    images[3].previews = vec![jpeg(8, ColorType::Luma, false)];
+    images[4].mime = "image/png".into();
+    images[4].previews = vec![jpeg(16, ColorType::Luma, false)];
+    mesh
+}
+
+#[test]
+fn previews_stand_in_until_something_better_comes() {
+    let mesh = previewed();
+    let images = &mesh.appearance.images;
+    for schedule in Schedule::ALL {
+        for exactness in EXACTNESS {
+            let Encoded { bytes, report, .. } = encoded(&mesh, schedule, exactness);
+            let lengths = |i: usize| images[i].previews.iter().map(|p| p.len() as u64 + 2).collect::<Vec<_>>();
+            // What has no bytes has no previews, and no report.
+            assert_eq!(report.images[3].previews, lengths(4));
+            assert_eq!(report.images[0].previews, lengths(0));
+            assert_eq!(report.bits.previews, 8.0 * lengths(0).iter().chain(&lengths(4)).sum::<u64>() as f64);
+            let (front, chunks) = chunks(&bytes);
+            let mut there = [0, 0];
+            for (k, info) in front.chunks().iter().enumerate() {
+                let (step, mut decoder) = run(&bytes[..info.end() as usize]);
+                assert!(matches!(step, Ok(Step::NeedBytes | Step::Full)), "{step:?}");
+                let Some(found) = decoder.appearance().cloned() else { continue };
+                if info.kind == Kind::Preview {
+                    let preview = Preview::of(&chunks[k].payload).unwrap();
+                    there[usize::from(preview.image == 4)] = 1 + preview.number as usize;
+                }
+                // One of no bytes is there with what stands before it.
+                let begun = |i: u32| {
+                    front.chunks().iter().any(|c| c.kind == Kind::Image && c.image == i && c.end() <= info.end())
+                };
+                for (i, there) in [(0, there[0]), (4, there[1])] {
+                    let image = &found.images[i as usize];
+                    let (mime, own) = (image.mime.as_str(), &images[i as usize]);
+                    match (begun(i), there) {
+                        (false, 0) => assert_eq!((mime, image.bytes.len()), (own.mime.as_str(), 0)),
+                        (false, n) => assert_eq!((mime, &image.bytes), ("image/jpeg", &own.previews[n - 1])),
+                        (true, _) => assert!(mime == own.mime && !own.previews.contains(&image.bytes)),
+                    }
+                }
+                assert!(found.images.iter().all(|i| i.previews.is_empty()));
+                let missing = decoder.missing_images();
+                let none = (0..5u32).filter(|&i| !(begun(i) || i == 0 && there[0] > 0 || i == 4 && there[1] > 0));
+                assert_eq!(missing.none, none.count());
+            }
+            assert_eq!(there, [2, 1]);
+            // The coarsest come in front of all levels but the first.
+            let place = |of: &dyn Fn(&Chunk) -> bool| chunks.iter().position(of).unwrap();
+            assert_eq!(place(&|c| c.kind == Kind::Preview), place(&|c| c.kind == Kind::Appearance) + 1);
+            // Without them, and with all of them at the end, it is the same at the full level.
+            let (whole, without) = (run(&bytes).1.to_mesh(), |c: &Chunk| c.kind != Kind::Preview);
+            let (kept, cut): (Vec<Chunk>, Vec<Chunk>) = chunks.into_iter().partition(without);
+            for chunks in [kept.clone(), [kept, cut].concat()] {
+                let file = write(front.header(), &chunks).unwrap();
+                let (end, mut decoder) = run(&file);
+                assert_eq!((end, decoder.to_mesh()), (Ok(Step::Full), whole.clone()));
+            }
+            let plain = encoded(&textured(150), schedule, exactness).bytes;
+            let mut plain = run(&plain).1.to_mesh();
+            plain.appearance.images[4].mime = "image/png".into();
+            assert_eq!(plain, whole);
+        }
+    }
+}
+
+#[test]
+fn previews_that_make_no_sense_are_passed_over() {
+    let mesh = textured(150);
+    let bytes = encoded(&mesh, Schedule::MeshFirst, Exactness::Coefficients).bytes;
+    let whole = run(&bytes).1.to_mesh();
+    let (front, chunks) = chunks(&bytes);
+    let small = jpeg(8, ColorType::Rgb, false);
+    let of = |image, number, bytes: &[u8]| Chunk::preview(0, &Preview { image, number, bytes });
+    let appearance = chunks.iter().position(|c| c.kind == Kind::Appearance).unwrap();
+    let with = |at: usize, extra: &[Chunk]| {
+        let file: Vec<Chunk> = [&chunks[..at], extra, &chunks[at..]].concat();
+        let file = write(front.header(), &file).unwrap();
+        let (end, mut decoder) = run(&file);
+        assert_eq!((end, decoder.to_mesh()), (Ok(Step::Full), whole.clone()));
+        let first = Front::parse(&file).unwrap();
+        let Parsed::Ready(first) = first else { panic!("a front") };
+        let piece = first.chunks().iter().find(|c| c.kind == Kind::Image && c.image == 0).unwrap().offset;
+        run(&file[..piece as usize]).1.appearance().unwrap().images[0].clone()
+    };
+    let shown = with(appearance + 1, &[of(0, 3, &small)]);
+    assert_eq!((shown.bytes.as_slice(), shown.mime.as_str()), (&small[..], "image/jpeg"));
+    // Coarser behind finer, the same number twice.
+    let other = jpeg(9, ColorType::Rgb, false);
+    assert_eq!(with(appearance + 1, &[of(0, 3, &small), of(0, 2, &other), of(0, 3, &other)]).bytes, small);
+    assert_eq!(with(appearance + 1, &[of(0, 0, &small), of(0, u32::MAX, &other)]).bytes, other);
+    let empty = Chunk { payload: Vec::new(), ..of(0, 0, &small) };
+    let odd = Chunk { segment: 3, segments: 9, ..of(0, 0, b"GIF89a") };
+    for wrong in [empty, odd, of(5, 0, &small), of(u32::MAX, 0, &small), of(0, 0, &[]), of(0, 0, &[0xFF, 0xD8])] {
+        assert!(with(appearance + 1, &vec![wrong; 20]).bytes.is_empty());
+    }
+    // In front of the materials nothing is known of images.
+    assert!(with(appearance, &[of(0, 0, &small)]).bytes.is_empty());
+    // They take memory, which is counted before.
+    let many: Vec<Chunk> = (0..20).map(|k| of(0, k, &small)).collect();
+    let file = write(front.header(), &[&chunks[..=appearance], &many, &chunks[appearance + 1..]].concat()).unwrap();
+    let Ok(Parsed::Ready(more)) = Front::parse(&file) else { panic!("a front") };
+    let full = front.full_level();
+    assert_eq!(more.memory(full), front.memory(full) + 20 * (small.len() as u64 + 2));
+}
+
+#[test]
+fn previews_may_be_fetched_apart() {
+    let mesh = previewed();
+    let bytes = encoded(&mesh, Schedule::MeshFirst, Exactness::Coefficients).bytes;
+    let (front, chunks) = chunks(&bytes);
+    let mut decoder = Decoder::new(DecodeOptions::default());
+    decoder.push(&bytes[..front.length() as usize]);
+    assert_eq!(decoder.next_level(), Ok(Step::NeedBytes));
+    for kind in [Kind::Appearance, Kind::Preview] {
+        for (info, chunk) in front.chunks().iter().zip(&chunks).filter(|(c, _)| c.kind == kind) {
+            decoder.offer(*info, chunk.payload.clone()).unwrap();
+        }
+    }
+    assert_eq!(decoder.appearance().unwrap().images[0].bytes, mesh.appearance.images[0].previews[1]);
+    assert_eq!(decoder.missing_images(), MissingImages { all: 5, none: 3, part: 2 });
+    decoder.push(&bytes[front.length() as usize..]);
+    while let Step::Level(_) = decoder.next_level().unwrap() {}
+    assert_eq!(decoder.to_mesh(), run(&bytes).1.to_mesh());
+}
+
 /// Payloads that pass their checksums and are nonsense, and tables that contradict themselves.
 #[test]
 fn hostile_pictures_do_no_harm() {
-    let mesh = textured(40);
+    let mut mesh = textured(40);
+    mesh.appearance.images[0].previews = vec![vec![0xFF, 0xD8, 0xFF, 0], b"\x89PNG".to_vec()];
     let bytes = encoded(&mesh, Schedule::Linear, Exactness::Bytes).bytes;
     let front = front(&bytes);
     let chunks: Vec<Chunk> = (0..front.chunks().len())
@@ -245,7 +386,7 @@ fn hostile_pictures_do_no_harm() {
         })
         .collect();
     let pictures: Vec<usize> =
-        (0..chunks.len()).filter(|&k| matches!(chunks[k].kind, Kind::Image | Kind::Recipe)).collect();
+        (0..chunks.len()).filter(|&k| matches!(chunks[k].kind, Kind::Image | Kind::Recipe | Kind::Preview)).collect();
     let (mut r, mut refused, mut decoded) = (Random(77), 0, 0);
     for round in 0..4000 {
         let mut changed = chunks.clone();
@@ -256,7 +397,7 @@ fn hostile_pictures_do_no_harm() {
             1 => c.segment = r.below(5) as u32,
             2 => c.segments = r.below(5) as u32,
             3 => c.payload.truncate(r.below(c.payload.len() + 1)),
-            4 => c.kind = [Kind::Image, Kind::Recipe][r.below(2)],
+            4 => c.kind = [Kind::Image, Kind::Recipe, Kind::Preview][r.below(3)],
             5 => changed.swap(k, pictures[r.below(pictures.len())]),
             _ => {
                 for _ in 0..1 + r.below(4) {

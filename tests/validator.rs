@@ -48,7 +48,8 @@ fn sample() -> Mesh {
     ];
     mesh.appearance.textures = vec![r#"{"source":0,"sampler":0}"#.into()];
     mesh.appearance.samplers = vec![r#"{"wrapS":33071}"#.into()];
-    mesh.appearance.images = vec![Image { name: "white".into(), mime: "image/png".into(), bytes: WHITE.to_vec() }];
+    mesh.appearance.images =
+        vec![Image { name: "white".into(), mime: "image/png".into(), bytes: WHITE.to_vec(), previews: Vec::new() }];
     mesh
 }
 

@@ -118,7 +118,12 @@ fn materials(mesh: &mut Mesh, count: u32, seed: u64) {
         materials: (0..count.max(1)).map(|i| format!("{{\"name\":\"m{i}\"}}")).collect(),
         textures: vec!["{\"source\":0}".into()],
         samplers: vec![],
-        images: vec![Image { name: "a b.png".into(), mime: "image/png".into(), bytes: vec![1, 2, 3, 0, 255] }],
+        images: vec![Image {
+            name: "a b.png".into(),
+            mime: "image/png".into(),
+            bytes: vec![1, 2, 3, 0, 255],
+            previews: Vec::new(),
+        }],
     };
 }
 

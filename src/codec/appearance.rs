@@ -121,7 +121,7 @@ pub fn code_appearance<C: Coder>(
     for i in 0..count as usize {
         let (name, mime) = appearance.images.get(i).map_or(("", ""), |i| (&i.name, &i.mime));
         let (name, mime) = (m.text(coder, name)?, m.text(coder, mime)?);
-        images.push(Image { name, mime, bytes: Vec::new() });
+        images.push(Image { name, mime, bytes: Vec::new(), previews: Vec::new() });
         if coder.overrun() {
             return Err(Nonsense("records that end too early").into());
         }

@@ -2,6 +2,7 @@
 
 use super::error::{ContainerError, Place, inconsistent};
 use super::header::Header;
+use super::preview::Preview;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::ops::RangeInclusive;
@@ -11,6 +12,9 @@ pub const FIRST_OPTIONAL_KIND: u8 = 128;
 
 /// The optional kind that says what a file was made from: checksums of its source and of the settings.
 pub const KIND_SOURCE: u8 = 128;
+
+/// The optional kind that holds a [`Preview`](super::Preview).
+pub const KIND_PREVIEW: u8 = 129;
 
 /// What a chunk holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -32,6 +36,8 @@ pub enum Kind {
     Image,
     /// What gives the very bytes of an image back (number 7).
     Recipe,
+    /// A small picture that stands in for an image until its first piece is there (number 129, which may be skipped).
+    Preview,
     /// A kind that this decoder does not know. It may skip those from [`FIRST_OPTIONAL_KIND`] on, and has to refuse a file
     /// with any other.
     Other(u8),
@@ -49,6 +55,7 @@ impl Kind {
             Kind::Appearance => 5,
             Kind::Image => 6,
             Kind::Recipe => 7,
+            Kind::Preview => KIND_PREVIEW,
             Kind::Other(number) => number,
         }
     }
@@ -64,6 +71,7 @@ impl Kind {
             5 => Kind::Appearance,
             6 => Kind::Image,
             7 => Kind::Recipe,
+            KIND_PREVIEW => Kind::Preview,
             number => Kind::Other(number),
         }
     }
@@ -80,6 +88,7 @@ impl fmt::Display for Kind {
             Kind::Appearance => write!(f, "appearance"),
             Kind::Image => write!(f, "image"),
             Kind::Recipe => write!(f, "recipe"),
+            Kind::Preview => write!(f, "preview"),
             Kind::Other(KIND_SOURCE) => write!(f, "source"),
             Kind::Other(number) => write!(f, "kind {number}"),
         }
@@ -99,7 +108,7 @@ pub struct Chunk<B = Vec<u8>> {
     pub segment: u32,
     /// How many segments these levels have, at least 1.
     pub segments: u32,
-    /// The image that a piece or recipe belongs to; 0 for other kinds.
+    /// The image that a piece or recipe belongs to; 0 for other kinds (the payload of a preview says it).
     pub image: u32,
     /// Bytes of working memory that decoding it takes beyond the levels themselves; rounded up by
     /// at most an eighth (and to at least 64) in the file.
@@ -165,6 +174,11 @@ impl Chunk {
     /// Materials and what they refer to; `level` is the one that it stands behind.
     pub fn appearance(level: u32, payload: Vec<u8>) -> Self {
         Chunk { kind: Kind::Appearance, ..Chunk::aside(level, payload) }
+    }
+
+    /// A preview of an image; `level` is the one that it stands behind.
+    pub fn preview(level: u32, preview: &Preview<'_>) -> Self {
+        Chunk { kind: Kind::Preview, ..Chunk::aside(level, preview.to_payload()) }
     }
 }
 
@@ -294,12 +308,13 @@ pub(super) fn check_order(header: &Header, chunks: &[ChunkInfo]) -> Result<Vec<u
         if c.segment >= c.segments {
             return fail("a segment beyond the number of segments");
         }
-        let single = !matches!(c.kind, Kind::Segment | Kind::Image | Kind::Other(_));
+        let single = !matches!(c.kind, Kind::Segment | Kind::Image | Kind::Preview | Kind::Other(_));
         if c.segments != 1 && single {
             return fail("segments of a kind that has none");
         }
         match c.kind {
-            Kind::Other(_) => continue,
+            // What may be skipped may stand anywhere, and as often as it likes.
+            Kind::Preview | Kind::Other(_) => continue,
             Kind::Aside => {
                 if next != levels || c.first_level as u64 + 1 != levels || aside {
                     return fail("elements that travel aside have to follow the full level, once");

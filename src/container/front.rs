@@ -24,7 +24,7 @@ pub struct Front {
     needs: Vec<usize>,
     /// For each level the most working memory that the chunks of one run of levels take together, up to this level.
     working: Vec<u64>,
-    /// For each level the bytes of images in the chunks up to those that it needs; for the full level of all images.
+    /// For each level the bytes of images and previews in the chunks up to those that it needs; for the full level of all images.
     images: Vec<u64>,
 }
 
@@ -107,7 +107,7 @@ impl Front {
         let mut working = vec![0u64; needs.len()];
         for c in &chunks {
             // Materials and images stay, whatever the level.
-            let known = !matches!(c.kind, Kind::Other(_) | Kind::Appearance | Kind::Image);
+            let known = !matches!(c.kind, Kind::Other(_) | Kind::Appearance | Kind::Image | Kind::Preview);
             if let Some(w) = working.get_mut(c.first_level as usize).filter(|_| known) {
                 *w = w.saturating_add(c.memory).saturating_add(c.length);
             }
@@ -122,7 +122,7 @@ impl Front {
         let (mut images, mut sum, mut at) = (Vec::with_capacity(needs.len()), 0u64, 0);
         for (level, &need) in needs.iter().enumerate() {
             let end = if level + 1 == needs.len() { chunks.len() } else { need };
-            let pieces = chunks[at..end].iter().filter(|c| c.kind == Kind::Image);
+            let pieces = chunks[at..end].iter().filter(|c| matches!(c.kind, Kind::Image | Kind::Preview));
             sum = pieces.fold(sum, |sum, c| sum.saturating_add(c.length));
             at = end;
             images.push(sum);
@@ -255,7 +255,7 @@ impl Front {
         levels.saturating_add(attributes).saturating_add(self.working.get(level as usize).copied().unwrap_or(0))
     }
 
-    /// Bytes of images in the chunks up to those that `level` needs; for the full level of all images.
+    /// Bytes of images and previews in the chunks up to those that `level` needs; for the full level of all images.
     pub(crate) fn image_bytes(&self, level: u32) -> u64 {
         self.images.get(level as usize).copied().unwrap_or(0)
     }
@@ -404,7 +404,7 @@ fn le32(bytes: &[u8]) -> u32 {
     bytes.iter().rev().fold(0, |n, &b| n << 8 | b as u32)
 }
 
-fn put_leb128(out: &mut Vec<u8>, mut value: u64) {
+pub(super) fn put_leb128(out: &mut Vec<u8>, mut value: u64) {
     while value >= 128 {
         out.push(value as u8 | 128);
         value >>= 7;
@@ -413,7 +413,7 @@ fn put_leb128(out: &mut Vec<u8>, mut value: u64) {
 }
 
 /// A number of at most ten bytes in the only way it can be written; `None` where the bytes end early.
-fn leb128(bytes: &[u8], at: &mut usize) -> Result<Option<u64>, ContainerError> {
+pub(super) fn leb128(bytes: &[u8], at: &mut usize) -> Result<Option<u64>, ContainerError> {
     let mut value = 0u64;
     for k in 0..10 {
         let Some(&byte) = bytes.get(*at) else { return Ok(None) };

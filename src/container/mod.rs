@@ -16,18 +16,20 @@ mod chunk;
 mod error;
 mod front;
 mod header;
+mod preview;
 mod reader;
 mod table;
 #[cfg(test)]
 mod tests;
 
 pub use attributes::{AttributeHeader, Label, LayerHeader, MAX_LABELS, MAX_NAME};
-pub use chunk::{Chunk, ChunkInfo, FIRST_OPTIONAL_KIND, KIND_SOURCE, Kind};
+pub use chunk::{Chunk, ChunkInfo, FIRST_OPTIONAL_KIND, KIND_PREVIEW, KIND_SOURCE, Kind};
 pub use error::{ContainerError, Place};
 #[cfg(feature = "encode")]
 pub(crate) use front::write_borrowed;
 pub use front::{Front, Parsed, with_chunk, write, write_front};
 pub use header::{AsideCounts, ErrorBound, Header, LevelInfo, MAX_COUNT, MAX_LEVELS, MAX_SHIFT};
+pub use preview::Preview;
 pub use reader::{Event, Reader};
 
 /// The first bytes of every file: a byte that is no ASCII, the name, and line ends that a transfer as text would change.

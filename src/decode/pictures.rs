@@ -1,12 +1,21 @@
-//! Materials and images as they arrive: each piece makes its image a better one, and a recipe its very bytes.
+//! Materials and images as they arrive: a preview stands in for an image until its first piece is there, each piece makes it a better one, and
+//! a recipe its very bytes.
 
 use super::{DecodeError, Decoder, corrupt};
 use crate::codec::appearance::{AppearanceError, code_appearance};
 use crate::codec::range;
 use crate::codec::segment::Nonsense;
-use crate::container::{ChunkInfo, ContainerError, Kind};
+use crate::container::{ChunkInfo, ContainerError, Kind, Preview};
 use crate::mesh::Appearance;
 use crate::texture::{END, Odd, restore};
+
+/// A preview that is shown.
+#[derive(Debug)]
+pub(super) struct Shown {
+    number: u32,
+    /// The media type of the image itself.
+    mime: String,
+}
 
 impl Decoder {
     /// Materials or an image.
@@ -38,11 +47,13 @@ impl Decoder {
                     return Err(corrupt(level, "other materials or images than the header announces"));
                 }
                 self.pieces = vec![[0; 2]; appearance.images.len()];
+                self.previews = appearance.images.iter().map(|_| None).collect();
                 self.appearance = Some(appearance);
                 self.held = held.saturating_sub(info.memory);
             }
             (Kind::Image, Some(_)) => self.take_piece(level, info, payload)?,
             (Kind::Recipe, Some(_)) => self.take_recipe(level, info, &payload)?,
+            (Kind::Preview, Some(_)) => self.take_preview(level, payload)?,
             // Offered before its chunk came.
             (Kind::Appearance, Some(_)) => {}
             (Kind::Image | Kind::Recipe, None) => return Err(corrupt(level, "images before materials")),
@@ -63,6 +74,13 @@ impl Decoder {
         }
         let (open, last) = (*next > 0, info.segment + 1 == info.segments);
         (*next, *all) = (info.segment + 1, info.segments);
+        if let Some(shown) = self.previews.get_mut(info.image as usize).and_then(Option::take)
+            && let Some(image) = self.appearance.as_mut().and_then(|a| a.images.get_mut(info.image as usize))
+        {
+            self.image_bytes = self.image_bytes.saturating_sub(image.bytes.len() as u64);
+            image.bytes = Vec::new();
+            image.mime = shown.mime;
+        }
         self.image_bytes = self.image_bytes.saturating_add(payload.len() as u64);
         self.afford(level)?;
         if !last {
@@ -78,6 +96,36 @@ impl Decoder {
             image.bytes = payload;
         }
         Ok(())
+    }
+
+    /// A preview, for an image of which there is nothing finer. One that makes no sense, or of an image that is not there, is passed over:
+    /// decoders that do not know the kind do the same.
+    fn take_preview(&mut self, level: u32, mut payload: Vec<u8>) -> Result<(), DecodeError> {
+        let Some(preview) = Preview::of(&payload) else { return Ok(()) };
+        let Preview { image, number, bytes } = preview;
+        let (Some(mime), head) = (preview.media_type(), payload.len() - bytes.len()) else { return Ok(()) };
+        let at = image as usize;
+        let (Some([0, _]), Some(shown), Some(image)) = (
+            self.pieces.get(at),
+            self.previews.get_mut(at),
+            self.appearance.as_mut().and_then(|a| a.images.get_mut(at)),
+        ) else {
+            return Ok(());
+        };
+        let told = match shown.take() {
+            Some(finer) if finer.number >= number => {
+                *shown = Some(finer);
+                return Ok(());
+            }
+            Some(coarser) => coarser.mime,
+            None => std::mem::take(&mut image.mime),
+        };
+        payload.drain(..head);
+        let (new, old) = (payload.len() as u64, image.bytes.len() as u64);
+        (image.mime, image.bytes) = (mime.to_string(), payload);
+        *shown = Some(Shown { number, mime: told });
+        self.image_bytes = self.image_bytes.saturating_sub(old).saturating_add(new);
+        self.afford(level)
     }
 
     /// The recipe of an image that is whole: its very bytes.

@@ -1,7 +1,7 @@
 //! In what order the chunks of mesh and images stand in a file.
 //!
-//! Level 0 and the materials come first in any order, and a recipe, which adds nothing to be seen, last. Pieces of several images take
-//! turns, each as far through its bytes as the others, so that none is sharp while another has not begun.
+//! Level 0, the materials and the coarsest preview of each image come first in any order: previews are tiny, and nothing says sooner what a
+//! model looks like. A recipe, which adds nothing to be seen, comes last. Finer previews and pieces of several images take turns, each as far through its bytes as the others, so that none is sharp while another has not begun.
 
 use crate::container::{Chunk, Kind};
 use std::fmt;
@@ -11,7 +11,7 @@ use std::str::FromStr;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Schedule {
-    /// All levels, then the images.
+    /// All levels, then the images; only their first previews stand in front.
     #[default]
     MeshFirst,
     /// Level 0, the images, then the other levels.
@@ -49,15 +49,21 @@ impl FromStr for Schedule {
 /// Chunks that stay together.
 type Group<B> = Vec<Chunk<B>>;
 
-/// The chunks of a file in order. `mesh` holds those of levels in their order, the base first; `appearance` the materials; `images` the
-/// pieces of each image; the levels that chunks of pictures stand behind are set here.
-pub fn order<B: AsRef<[u8]>>(
-    mesh: Vec<Chunk<B>>,
-    appearance: Option<Chunk<B>>,
-    images: Vec<Vec<Chunk<B>>>,
-    recipes: Vec<Chunk<B>>,
-    schedule: Schedule,
-) -> Vec<Chunk<B>> {
+/// The chunks of all that belongs to no level.
+pub struct Pictures<B> {
+    /// The materials.
+    pub appearance: Option<Chunk<B>>,
+    /// The previews of each image, coarse before fine.
+    pub previews: Vec<Group<B>>,
+    /// The pieces of each image.
+    pub images: Vec<Group<B>>,
+    pub recipes: Vec<Chunk<B>>,
+}
+
+/// The chunks of a file in order. `mesh` holds those of levels in their order, the base first; the levels that chunks of pictures stand behind
+/// are set here.
+pub fn order<B: AsRef<[u8]>>(mesh: Vec<Chunk<B>>, pictures: Pictures<B>, schedule: Schedule) -> Vec<Chunk<B>> {
+    let Pictures { appearance, previews, images, recipes } = pictures;
     let mut levels: Vec<Group<B>> = Vec::new();
     for chunk in mesh {
         match levels.last_mut() {
@@ -67,7 +73,14 @@ pub fn order<B: AsRef<[u8]>>(
     }
     let mut levels = levels.into_iter();
     let mut out: Group<B> = levels.next().into_iter().flatten().chain(appearance).collect();
-    let pieces = merge(images.into_iter().map(|image| image.into_iter().map(|piece| vec![piece]).collect()).collect());
+    let mut previews = previews.into_iter();
+    let mut rows = Vec::with_capacity(images.len());
+    for image in images {
+        let mut previews = previews.next().into_iter().flatten();
+        out.extend(previews.next());
+        rows.push(previews.chain(image).map(|chunk| vec![chunk]).collect());
+    }
+    let pieces = merge(rows);
     let rest = match schedule {
         Schedule::MeshFirst => levels.chain(pieces).collect(),
         Schedule::TextureFirst => pieces.into_iter().chain(levels).collect(),
@@ -77,7 +90,9 @@ pub fn order<B: AsRef<[u8]>>(
     let mut level = 0;
     for chunk in &mut out {
         match chunk.kind {
-            Kind::Appearance | Kind::Image | Kind::Recipe => (chunk.first_level, chunk.last_level) = (level, level),
+            Kind::Appearance | Kind::Image | Kind::Recipe | Kind::Preview => {
+                (chunk.first_level, chunk.last_level) = (level, level)
+            }
             _ => level = chunk.last_level,
         }
     }
@@ -105,6 +120,7 @@ fn merge<B: AsRef<[u8]>>(rows: Vec<Vec<Group<B>>>) -> Vec<Group<B>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::container::Preview;
 
     fn shape(schedule: Schedule) -> String {
         let mesh = vec![
@@ -120,12 +136,22 @@ mod tests {
             sizes.iter().zip(0..).map(|(&size, k)| Chunk::image(0, i, k, n, vec![0; size])).collect::<Vec<_>>()
         };
         let images = vec![image(0, &[100, 300, 600]), image(1, &[50, 50]), image(2, &[0])];
-        let chunks =
-            order(mesh, Some(Chunk::appearance(0, vec![0; 5])), images, vec![Chunk::recipe(0, 0, vec![0])], schedule);
+        let preview = |image: u32, sizes: &[usize]| {
+            let chunk = |(&size, number)| Chunk::preview(0, &Preview { image, number, bytes: &vec![0; size] });
+            sizes.iter().zip(0..).map(chunk).collect::<Vec<_>>()
+        };
+        let pictures = Pictures {
+            appearance: Some(Chunk::appearance(0, vec![0; 5])),
+            previews: vec![preview(0, &[4, 20]), preview(1, &[1]), preview(2, &[])],
+            images,
+            recipes: vec![Chunk::recipe(0, 0, vec![0])],
+        };
+        let chunks = order(mesh, pictures, schedule);
         let name = |c: &Chunk| match c.kind {
             Kind::Image => format!("{}{}@{}", (b'a' + c.image as u8) as char, c.segment, c.first_level),
             Kind::Appearance => "m".into(),
             Kind::Recipe => format!("r@{}", c.first_level),
+            Kind::Preview => format!("p{}{}@{}", (b'a' + c.payload[0]) as char, c.payload[1], c.first_level),
             _ => format!("{}", c.last_level),
         };
         chunks.iter().map(name).collect::<Vec<_>>().join(" ")
@@ -133,9 +159,9 @@ mod tests {
 
     #[test]
     fn chunks_stand_in_the_order_asked_for() {
-        assert_eq!(shape(Schedule::MeshFirst), "2 m 4 5 5 6 6 c0@6 a0@6 a1@6 b0@6 a2@6 b1@6 r@6");
-        assert_eq!(shape(Schedule::TextureFirst), "2 m c0@2 a0@2 a1@2 b0@2 a2@2 b1@2 4 5 5 6 6 r@6");
-        assert_eq!(shape(Schedule::Linear), "2 m c0@2 a0@2 4 a1@4 b0@4 5 5 a2@5 6 6 b1@6 r@6");
+        assert_eq!(shape(Schedule::MeshFirst), "2 m pa0@2 pb0@2 4 5 5 6 6 c0@6 pa1@6 a0@6 a1@6 b0@6 a2@6 b1@6 r@6");
+        assert_eq!(shape(Schedule::TextureFirst), "2 m pa0@2 pb0@2 c0@2 pa1@2 a0@2 a1@2 b0@2 a2@2 b1@2 4 5 5 6 6 r@6");
+        assert_eq!(shape(Schedule::Linear), "2 m pa0@2 pb0@2 c0@2 pa1@2 a0@2 4 a1@4 b0@4 5 5 a2@5 6 6 b1@6 r@6");
         for schedule in Schedule::ALL {
             assert_eq!(schedule.to_string().parse(), Ok(schedule));
         }

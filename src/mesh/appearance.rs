@@ -31,6 +31,8 @@ pub struct Image {
     pub name: String,
     /// Its media type, such as `image/jpeg`; empty when unknown.
     pub mime: String,
-    /// Its bytes as they were; empty when the file was not there.
+    /// Its bytes as they were; empty when the file was not there. A decoder that has no more shows the finest preview here.
     pub bytes: Vec<u8>,
+    /// Small pictures, whole JPEG or PNG files, that an encoder puts in front of the image, coarse before fine. A decoder leaves this empty.
+    pub previews: Vec<Vec<u8>>,
 }

@@ -64,7 +64,7 @@ fn painted(material: &str, alpha: [u8; 4]) -> Mesh {
         materials: vec![material.into()],
         textures: vec![r#"{"source":0,"sampler":0}"#.into()],
         samplers: vec![r#"{"wrapS":33071,"wrapT":33071}"#.into()],
-        images: vec![Image { name: "four.png".into(), mime: "image/png".into(), bytes }],
+        images: vec![Image { name: "four.png".into(), mime: "image/png".into(), bytes, previews: Vec::new() }],
     };
     mesh.validate().unwrap();
     mesh

@@ -53,7 +53,12 @@ impl<'a> Files<'a> {
         }
         let bytes = self.bytes(b, path.as_deref(), name)?;
         let next = b.appearance.images.len() as u32;
-        b.appearance.images.push(Image { name: name.to_string(), mime: media_type(name, &bytes).to_string(), bytes });
+        b.appearance.images.push(Image {
+            name: name.to_string(),
+            mime: media_type(name, &bytes).to_string(),
+            bytes,
+            previews: Vec::new(),
+        });
         self.images.insert(name.to_string(), next);
         if let Some(path) = path {
             self.paths.insert(path, next);

@@ -33,7 +33,7 @@ fn png(width: u32, height: u32, color: ColorType, depth: BitDepth, data: &[u8], 
 }
 
 fn image(name: &str, bytes: Vec<u8>) -> Image {
-    Image { name: name.into(), mime: "image/png".into(), bytes }
+    Image { name: name.into(), mime: "image/png".into(), bytes, previews: Vec::new() }
 }
 
 /// Samples by a decoder that is not ours, as many as are expected: it repeats those of grey.

@@ -1,8 +1,8 @@
 //! Cells of the grid as pictures: levels are decoded in their order, images as far as their pieces are there.
 
 use super::plan::Cell;
-use super::{Layout, Options, ScheduleError};
-use crate::container::{ContainerError, Front, Kind};
+use super::{Layout, Options, Previews, ScheduleError};
+use crate::container::{ContainerError, Front, Kind, Preview};
 use crate::decode::{DecodeError, DecodeOptions, Decoder, Step};
 use crate::mesh::Mesh;
 use crate::par;
@@ -13,6 +13,17 @@ use std::collections::BTreeMap;
 
 /// Bytes of decoded images that are kept for later cells.
 const KEPT: usize = 512 << 20;
+
+/// What is there of an image, less before more.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+enum State {
+    #[default]
+    Nothing,
+    /// The preview with this number.
+    Preview(u32),
+    /// So many of its pieces.
+    Pieces(u32),
+}
 
 /// A file, its pictures, and what was decoded of it.
 pub(super) struct Stage<'a> {
@@ -28,14 +39,19 @@ pub(super) struct Stage<'a> {
 
 impl<'a> Stage<'a> {
     /// Decode the whole file, and draw it if its images are to be seen.
-    pub(super) fn new(file: &'a [u8], front: &'a Front, options: &Options) -> Result<Self, ScheduleError> {
+    pub(super) fn new(
+        file: &'a [u8],
+        front: &'a Front,
+        previews: &'a Previews,
+        options: &Options,
+    ) -> Result<Self, ScheduleError> {
         let mut stage = Stage {
             file,
             front,
             memory_limit: options.memory_limit,
             shown: Vec::new(),
             whole: None,
-            images: Images { file, front, kept: BTreeMap::new(), bytes: 0, turn: 0 },
+            images: Images { file, front, previews, kept: BTreeMap::new(), bytes: 0, turn: 0 },
             drawn: 0,
         };
         if front.header().attributes.images == 0 {
@@ -50,8 +66,8 @@ impl<'a> Stage<'a> {
         if stage.shown.contains(&true) {
             let (views, size) = options.effort.views();
             let look = ViewOptions { views, size, shading: Shading::Smooth };
-            let counts = stage.counts(&(0..front.chunks().len()).collect::<Vec<_>>());
-            let textures = stage.images.textures(&stage.shown, &counts);
+            let states = stage.states(&(0..front.chunks().len()).collect::<Vec<_>>());
+            let textures = stage.images.textures(&stage.shown, &states);
             let scene = Scene::with_textures(&mesh, Shading::Smooth, &textures);
             stage.whole = Some(Snapshots::of(&scene, &mesh, &Cpu, &look)?);
         }
@@ -118,8 +134,8 @@ impl<'a> Stage<'a> {
         let mut scene: Option<Scene> = None;
         let mut out = Vec::with_capacity(cells.len());
         for &cell in cells {
-            let counts = self.counts(&layout.pieces[..cell.1].concat());
-            let textures = self.images.textures(&self.shown, &counts);
+            let states = self.states(&layout.pieces[..cell.1].concat());
+            let textures = self.images.textures(&self.shown, &states);
             match &mut scene {
                 Some(scene) => scene.repaint(mesh, &textures),
                 None => scene = Some(Scene::with_textures(mesh, Shading::Smooth, &textures)),
@@ -133,16 +149,21 @@ impl<'a> Stage<'a> {
         Ok(out)
     }
 
-    /// How many pieces of each image are among these chunks.
-    fn counts(&self, chunks: &[usize]) -> Vec<u32> {
-        let mut counts = vec![0; self.shown.len()];
+    /// What is there of each image with these chunks.
+    fn states(&self, chunks: &[usize]) -> Vec<State> {
+        let mut states = vec![State::Nothing; self.shown.len()];
         for &i in chunks {
             let c = &self.front.chunks()[i];
-            if let (Kind::Image, Some(count)) = (c.kind, counts.get_mut(c.image as usize)) {
-                *count += 1;
+            let (image, state) = match (c.kind, self.images.previews.get(&i)) {
+                (Kind::Image, _) => (c.image as usize, State::Pieces(c.segment + 1)),
+                (_, Some(&(image, number))) => (image, State::Preview(number)),
+                _ => continue,
+            };
+            if let Some(at) = states.get_mut(image) {
+                *at = state.max(*at);
             }
         }
-        counts
+        states
     }
 
     /// A decoder that has the materials already: their chunk may stand behind all levels that are coded with level 0.
@@ -187,24 +208,25 @@ impl Levels {
     }
 }
 
-/// Images decoded from their first pieces.
+/// Images decoded from their previews and their first pieces.
 struct Images<'a> {
     file: &'a [u8],
     front: &'a Front,
-    /// By image and number of pieces: the image, or nothing where it does not decode; and when it was used last.
-    kept: BTreeMap<(usize, u32), (Option<Drawable>, u64)>,
+    previews: &'a Previews,
+    /// By image and state: the image, or nothing where it does not decode; and when it was used last.
+    kept: BTreeMap<(usize, State), (Option<Drawable>, u64)>,
     bytes: usize,
     turn: u64,
 }
 
 impl Images<'_> {
-    /// The images that are shown, each from so many of its pieces.
-    fn textures(&mut self, shown: &[bool], counts: &[u32]) -> Textures {
+    /// The images that are shown, each from what is there of it.
+    fn textures(&mut self, shown: &[bool], states: &[State]) -> Textures {
         self.turn += 1;
-        let wanted = |i: &usize| shown[*i] && counts[*i] > 0;
-        let missing: Vec<(usize, u32)> = (0..shown.len())
+        let wanted = |i: &usize| shown[*i] && states[*i] > State::Nothing;
+        let missing: Vec<(usize, State)> = (0..shown.len())
             .filter(wanted)
-            .map(|i| (i, counts[i]))
+            .map(|i| (i, states[i]))
             .filter(|key| !self.kept.contains_key(key))
             .collect();
         let this = &*self;
@@ -214,7 +236,7 @@ impl Images<'_> {
         }
         let mut out = vec![None; shown.len()];
         for i in (0..shown.len()).filter(wanted) {
-            if let Some((image, used)) = self.kept.get_mut(&(i, counts[i])) {
+            if let Some((image, used)) = self.kept.get_mut(&(i, states[i])) {
                 *used = self.turn;
                 out[i] = image.clone();
             }
@@ -232,9 +254,18 @@ impl Images<'_> {
         Textures::of(out)
     }
 
-    /// The file of an image as a decoder has it after so many pieces.
-    fn bytes_of(&self, (image, count): (usize, u32)) -> Vec<u8> {
+    /// The file of an image as a decoder has it.
+    fn bytes_of(&self, (image, state): (usize, State)) -> Vec<u8> {
         let mut bytes = Vec::new();
+        let count = match state {
+            State::Nothing => 0,
+            State::Preview(number) => {
+                let index = self.previews.iter().find(|(_, of)| **of == (image, number)).map(|(&index, _)| index);
+                let payload = index.and_then(|index| self.front.payload(self.file, index).ok().flatten());
+                return payload.and_then(Preview::of).map_or(bytes, |preview| preview.bytes.to_vec());
+            }
+            State::Pieces(count) => count,
+        };
         let chunks = self.front.chunks().iter().enumerate();
         let mut pieces: Vec<_> = chunks.filter(|(_, c)| c.kind == Kind::Image && c.image as usize == image).collect();
         pieces.sort_by_key(|(_, c)| c.segment);

@@ -6,7 +6,8 @@
 //! (`surface` knows the others from them), and none beyond the level that already looks like the full one. The paper goes greedily by ΔQ/ΔS;
 //! with the whole grid known the best path is found instead, so that no other order has a larger area under its curve.
 //!
-//! Invariants: level 0 and the materials come first; pieces of an image keep their order, and so do levels; images that are not drawn (normal
+//! Invariants: level 0 and the materials come first; previews of all images that are drawn come before pieces of any, pieces of an image keep
+//! their order, and so do levels; images that are not drawn (normal
 //! maps, roughness) come when all that is seen is there, recipes last. Pictures are drawn on the processor, so the bytes do not depend on
 //! the number of threads or a graphics card.
 
@@ -17,9 +18,10 @@ mod surface;
 use self::draw::Stage;
 use self::plan::{Cell, Sizes};
 use self::surface::Surface;
-use crate::container::{Chunk, ChunkInfo, ContainerError, Front, Kind, Parsed, write_borrowed};
+use crate::container::{Chunk, ChunkInfo, ContainerError, Front, Kind, Parsed, Preview, write_borrowed};
 use crate::decode::DecodeError;
 use crate::quality::SsimError;
+use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 use thiserror::Error;
@@ -117,6 +119,8 @@ pub struct Point {
     pub level: u32,
     /// Pieces of images that are there by then, of those that are drawn.
     pub pieces: usize,
+    /// Previews of these images that are there by then.
+    pub previews: usize,
     /// The mean MS-SSIM against the whole file, measured or estimated from neighbours.
     pub quality: f64,
 }
@@ -166,11 +170,13 @@ pub fn by_quality(
         }
     };
     front.check_length(file.len() as u64)?;
-    let mut stage = Stage::new(file, &front, options)?;
-    let layout = Layout::new(&front, stage.shown());
+    let previews = previews(file, &front)?;
+    let mut stage = Stage::new(file, &front, &previews, options)?;
+    let layout = Layout::new(&front, &previews, stage.shown());
     let mut sizes = layout.sizes(&front);
     if sizes.images.len() < 2 {
-        let curve = vec![Point { bytes: file.len() as u64, level: front.full_level(), pieces: 0, quality: 1.0 }];
+        let curve =
+            vec![Point { bytes: file.len() as u64, level: front.full_level(), pieces: 0, previews: 0, quality: 1.0 }];
         return Ok(Scheduled { bytes: file.to_vec(), curve, drawn: 0, areas: Areas::default() });
     }
     // The table takes a few bytes more or less in another order: what is planned does not depend on where the file comes from.
@@ -217,11 +223,16 @@ pub fn by_quality(
     };
     let bytes = layout.write(file, &front, &chosen)?;
     let base = front_length(&bytes)? + payload;
-    let curve = chosen.iter().map(|&cell| Point {
-        bytes: base + sizes.at(cell) - sizes.base,
-        level: layout.levels[cell.0],
-        pieces: layout.pieces[..cell.1].iter().map(Vec::len).sum(),
-        quality: surface.quality(cell),
+    let curve = chosen.iter().map(|&cell| {
+        let there =
+            |kind| layout.pieces[..cell.1].iter().flatten().filter(|&&i| front.chunks()[i].kind == kind).count();
+        Point {
+            bytes: base + sizes.at(cell) - sizes.base,
+            level: layout.levels[cell.0],
+            pieces: there(Kind::Image),
+            previews: there(Kind::Preview),
+            quality: surface.quality(cell),
+        }
     });
     let curve = curve.collect();
     progress(expected, expected);
@@ -236,6 +247,20 @@ fn front_length(file: &[u8]) -> Result<u64, ContainerError> {
     })
 }
 
+/// Of chunks that are previews of images that are there: the image, and the number of the preview.
+type Previews = BTreeMap<usize, (usize, u32)>;
+
+fn previews(file: &[u8], front: &Front) -> Result<Previews, ContainerError> {
+    let mut out = Previews::new();
+    for (i, _) in front.chunks().iter().enumerate().filter(|(_, c)| c.kind == Kind::Preview) {
+        let preview = front.payload(file, i)?.and_then(Preview::of);
+        if let Some(p) = preview.filter(|p| p.image < front.header().attributes.images) {
+            out.insert(i, (p.image as usize, p.number));
+        }
+    }
+    Ok(out)
+}
+
 /// The chunks of a file as steps.
 #[derive(Debug)]
 struct Layout {
@@ -245,18 +270,19 @@ struct Layout {
     mesh: Vec<Vec<usize>>,
     /// The level that is there after so many steps of the mesh.
     levels: Vec<u32>,
-    /// Chunks of each step of the images that are drawn.
+    /// Chunks of each step of the images that are drawn: previews, then pieces.
     pieces: Vec<Vec<usize>>,
     /// Images that are not drawn, recipes, and what else stands in the file.
     rest: Vec<usize>,
 }
 
 impl Layout {
-    fn new(front: &Front, drawn: &[bool]) -> Self {
+    fn new(front: &Front, previews: &Previews, drawn: &[bool]) -> Self {
         let chunks = front.chunks();
-        let is_drawn = |c: &ChunkInfo| drawn.get(c.image as usize).copied().unwrap_or(false);
+        let is_drawn = |image: usize| drawn.get(image).copied().unwrap_or(false);
         let (mut first, mut mesh, mut late, mut rest) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
         let (mut seen, mut unseen) = (Vec::new(), Vec::new());
+        let (mut small, mut unseen_small) = (Vec::new(), Vec::new());
         for (i, c) in chunks.iter().enumerate() {
             match c.kind {
                 Kind::Base | Kind::Appearance => first.push(i),
@@ -267,8 +293,13 @@ impl Layout {
                 },
                 Kind::Levels | Kind::Segment => mesh.push(vec![i]),
                 Kind::Aside | Kind::Lone => late.push(i),
-                Kind::Image if is_drawn(c) => seen.push(i),
+                Kind::Image if is_drawn(c.image as usize) => seen.push(i),
                 Kind::Image => unseen.push(i),
+                Kind::Preview => match previews.get(&i) {
+                    Some(&(image, _)) if is_drawn(image) => small.push(i),
+                    Some(_) => unseen_small.push(i),
+                    None => rest.push(i),
+                },
                 Kind::Recipe | Kind::Other(_) => rest.push(i),
             }
         }
@@ -281,12 +312,18 @@ impl Layout {
         let by_turns = |pieces: Vec<usize>| turns(chunks, pieces);
         let single = |pieces: Vec<usize>| pieces.into_iter().map(|i| vec![i]).collect();
         let mesh = bundle(chunks, base, mesh);
-        let pieces = bundle(chunks, base, single(by_turns(seen)));
+        // The coarsest of all images first.
+        let by_number = |i: &usize| previews.get(i).map(|&(image, number)| (number, image));
+        small.sort_by_key(by_number);
+        unseen_small.sort_by_key(by_number);
+        // A preview that waited for a piece would be none.
+        let mut pieces = bundle(chunks, base, single(small));
+        pieces.extend(bundle(chunks, base, single(by_turns(seen))));
         let start = first.iter().map(|&i| chunks[i].last_level).max().unwrap_or(0);
         let levels = std::iter::once(start)
             .chain(mesh.iter().map(|group| group.iter().map(|&i| chunks[i].last_level).max().unwrap_or(0)))
             .collect();
-        let rest = by_turns(unseen).into_iter().chain(rest).collect();
+        let rest = unseen_small.into_iter().chain(by_turns(unseen)).chain(rest).collect();
         Layout { first, mesh, levels, pieces, rest }
     }
 
@@ -317,7 +354,9 @@ impl Layout {
             let mut chunk = front.chunks()[index].chunk(payload);
             match chunk.kind {
                 // Where it stands.
-                Kind::Appearance | Kind::Image | Kind::Recipe => (chunk.first_level, chunk.last_level) = (level, level),
+                Kind::Appearance | Kind::Image | Kind::Recipe | Kind::Preview => {
+                    (chunk.first_level, chunk.last_level) = (level, level)
+                }
                 Kind::Other(_) => {}
                 _ => level = chunk.last_level,
             }

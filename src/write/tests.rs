@@ -376,8 +376,8 @@ mod with_attributes {
         mesh.appearance.samplers = vec![r#"{"wrapS":33071}"#.into()];
         let png = |tail: u8| [b"\x89PNG\r\n\x1a\n".as_slice(), &[tail]].concat();
         mesh.appearance.images = vec![
-            Image { name: "a b.png".into(), mime: "image/png".into(), bytes: png(1) },
-            Image { name: String::new(), mime: "image/png".into(), bytes: png(2) },
+            Image { name: "a b.png".into(), mime: "image/png".into(), bytes: png(1), previews: Vec::new() },
+            Image { name: String::new(), mime: "image/png".into(), bytes: png(2), previews: Vec::new() },
         ];
     }
 

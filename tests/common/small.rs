@@ -120,10 +120,24 @@ pub fn dress(mut mesh: Mesh, seed: u64) -> Mesh {
         textures: vec![r#"{"source":1}"#.into()],
         samplers: Vec::new(),
         images: vec![
-            Image { name: "not there.png".into(), mime: "image/png".into(), bytes: Vec::new() },
-            Image { name: String::new(), mime: "image/jpeg".into(), bytes: vec![0xff, 0xd8, 0, 1, 2] },
+            Image { name: "not there.png".into(), mime: "image/png".into(), bytes: Vec::new(), previews: Vec::new() },
+            Image {
+                name: String::new(),
+                mime: "image/jpeg".into(),
+                bytes: vec![0xff, 0xd8, 0, 1, 2],
+                previews: Vec::new(),
+            },
         ],
     };
+    mesh
+}
+
+/// The mesh with two previews of its second image, and one of the image that is not there, which no file carries.
+fn previewed(mut mesh: Mesh, seed: u64) -> Mesh {
+    mesh = dress(mesh, seed);
+    let [none, image] = &mut mesh.appearance.images[..] else { unreachable!("two images") };
+    none.previews = vec![b"\x89PNG of nothing".to_vec()];
+    image.previews = vec![b"\x89PNG coarse".to_vec(), vec![0xff, 0xd8, 0xff, 7, 7, 7]];
     mesh
 }
 
@@ -170,6 +184,7 @@ pub fn meshes() -> Vec<(&'static str, Mesh)> {
         ("dressed-soup", dress(soup(14, 26, 5), 21)),
         ("dressed-repeating", dress(repeating(torus(4, 3)), 22)),
         ("dressed-non-manifold", dress(non_manifold(), 23)),
+        ("previewed", previewed(torus(5, 4), 24)),
         ("facets", faceted(torus(5, 4))),
         ("colours", coloured(torus(6, 4))),
         ("coloured-points", coloured(point_cloud(12, 3))),

@@ -38,6 +38,7 @@ fn kind_name(kind: Kind) -> &'static str {
         Kind::Appearance => "appearance",
         Kind::Image => "image",
         Kind::Recipe => "recipe",
+        Kind::Preview => "preview",
         _ => "other",
     }
 }

@@ -170,7 +170,7 @@ fn noise(random: &mut Random, width: u32, height: u32) -> Image {
     let mut encoder = png::Encoder::new(&mut bytes, width, height);
     encoder.set_color(png::ColorType::Rgba);
     encoder.write_header().unwrap().write_image_data(&rgba).unwrap();
-    Image { name: "noise.png".into(), mime: "image/png".into(), bytes }
+    Image { name: "noise.png".into(), mime: "image/png".into(), bytes, previews: Vec::new() }
 }
 
 /// Triangles and quads anywhere, with all that a face can have, or not.

@@ -72,6 +72,7 @@ fn image(
         name: text(item, "name").at(at)?.unwrap_or_default().to_string(),
         mime: text(item, "mimeType").at(at)?.unwrap_or_default().to_string(),
         bytes: Vec::new(),
+        previews: Vec::new(),
     };
     b.budget.take(image.name.len() as u64 + 128).at(at)?;
     match (uint(item, "bufferView").at(at)?, text(item, "uri").at(at)?) {
