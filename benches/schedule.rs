@@ -3,12 +3,12 @@
 //! Each model is encoded once; its chunks are then put in four orders. Prefixes of each are decoded as a viewer would, drawn and compared with the
 //! whole file. Printed are the areas under the curves of mean MS-SSIM over the logarithm of bytes, from 10 kB to the whole file, the bytes
 //! at which 0.95 and 0.99 are reached, and the same against Draco's single rate with the same images, which shows nothing before its
-//! last byte. Images that are not JPEG become JPEG of quality 90 first, for both. `--full` looks with 42 views of 512² pixels, the
+//! last byte. Images that are not JPEG become JPEG of quality 90 first, for both, but with `--keep`; with `--no-previews` images have none. `--full` looks with 42 views of 512² pixels, the
 //! measure of quality; without it 12 views of 256² do. Without the data folder, or with `--smoke`, a generated model is measured.
 #![allow(missing_docs)]
 
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
-use lodestream::container::{Front, Kind, Parsed};
+use lodestream::container::{Front, Kind, Parsed, Preview};
 use lodestream::decode::{DecodeOptions, Decoder, Step};
 use lodestream::encode::{EncodeOptions, Schedule, encode};
 use lodestream::generate;
@@ -16,6 +16,7 @@ use lodestream::mesh::{Appearance, Image, Layer, LayerKind, Mesh, Stored};
 use lodestream::picture::{Cpu, Shading, Textures, decode};
 use lodestream::quality::{Snapshots, ViewOptions};
 use lodestream::read::{ReadOptions, read_path};
+use lodestream::recompress::preview::{Previews, add_previews};
 use lodestream::schedule::{Effort, Options, by_quality};
 use lodestream::write::{WriteOptions, write_path};
 use std::collections::HashMap;
@@ -70,14 +71,18 @@ fn main() {
     }
 }
 
-/// A state of a file: its level, and the number of pieces of images.
-type State = (u32, usize);
+/// A state of a file: its level, and the number of previews and pieces of images.
+type State = (u32, usize, usize);
 
 fn measure(name: &str, mut mesh: Mesh, effort: Effort) {
+    let has = |word: &str| std::env::args().any(|a| a == word);
     let shown = Textures::shown(&mesh.appearance);
     for (image, &shown) in mesh.appearance.images.iter_mut().zip(&shown) {
-        to_jpeg(image, shown);
+        if !has("--keep") {
+            to_jpeg(image, shown);
+        }
     }
+    add_previews(&mut mesh.appearance, if has("--no-previews") { Previews::None } else { Previews::Auto });
     let file = |schedule| {
         let options = EncodeOptions { schedule, ..EncodeOptions::default() };
         encode(&mesh, &options, &|_| {}).expect("it encodes").bytes
@@ -112,7 +117,7 @@ fn measure(name: &str, mut mesh: Mesh, effort: Effort) {
         ratio(good),
         ratio(whole),
     );
-    if std::env::args().any(|a| a == "--curves") {
+    if has("--curves") {
         for (name, curve) in ["quality", "mesh-first", "texture-first", "linear"].iter().zip(&curves) {
             println!("{name}: {}", curve.iter().map(|(b, q)| format!("{b} {q:.4}")).collect::<Vec<_>>().join(", "));
         }
@@ -139,7 +144,7 @@ fn to_jpeg(image: &mut Image, colour: bool) {
 fn curve(file: &[u8], shown: &[bool], snapshots: &Snapshots, known: &mut HashMap<State, f64>) -> Vec<(u64, f64)> {
     let Ok(Parsed::Ready(front)) = Front::parse(file) else { panic!("a file") };
     let mut decoder = Decoder::new(DecodeOptions::default());
-    let (mut pieces, mut level, mut done) = (0, None, 0);
+    let (mut previews, mut pieces, mut level, mut done) = (0, 0, None, 0);
     let mut points: Vec<(u64, f64)> = Vec::new();
     for (i, c) in front.chunks().iter().enumerate() {
         decoder.push(&file[done..c.end() as usize]);
@@ -148,16 +153,25 @@ fn curve(file: &[u8], shown: &[bool], snapshots: &Snapshots, known: &mut HashMap
             level = Some(at);
         }
         let Some(at) = level else { continue };
-        let seen = c.kind == Kind::Image && shown[c.image as usize];
-        pieces += usize::from(seen);
+        // Which of the images it belongs to, if it belongs to one.
+        let image = |i: usize| match front.chunks()[i].kind {
+            Kind::Image => Some(front.chunks()[i].image as usize),
+            Kind::Preview => Preview::of(front.payload(file, i).ok()??).map(|p| p.image as usize),
+            _ => None,
+        };
+        let seen = image(i).is_some_and(|image| shown[image]);
+        if seen {
+            let all = if c.kind == Kind::Image { &mut pieces } else { &mut previews };
+            *all += 1;
+        }
         // Small steps are left to the next one; the last one that changes anything counts.
-        let rest = front.chunks()[i + 1..].iter().any(|c| c.kind != Kind::Image || shown[c.image as usize]);
+        let rest = (i + 1..front.chunks().len()).any(|i| image(i).is_none_or(|image| shown[image]));
         let before = points.last().map_or(0, |p| p.0);
-        if rest && (c.end() as f64) < 1.12 * before as f64 || !seen && c.kind == Kind::Image {
+        if rest && (c.end() as f64) < 1.12 * before as f64 || !seen && image(i).is_some() {
             continue;
         }
         let quality = *known
-            .entry((at, pieces))
+            .entry((at, previews, pieces))
             .or_insert_with(|| snapshots.compare(&decoder.to_mesh(), &Cpu).expect("pictures").ms_ssim);
         points.push((c.end(), quality));
     }
@@ -231,7 +245,7 @@ fn ball(detail: u32, side: u16) -> Mesh {
         materials: vec![r#"{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}"#.into()],
         textures: vec![r#"{"source":0}"#.into()],
         samplers: Vec::new(),
-        images: vec![Image { name: "colour".into(), mime: "image/jpeg".into(), bytes }],
+        images: vec![Image { name: "colour".into(), mime: "image/jpeg".into(), bytes, previews: Vec::new() }],
     };
     mesh
 }

@@ -8,6 +8,8 @@ use std::fmt;
 use std::io::Cursor;
 use std::str::FromStr;
 
+pub mod preview;
+
 use serde_json::Value;
 
 use crate::mesh::{Appearance, Image};

@@ -1,14 +1,15 @@
 //! The order by quality: the same file in another order, each prefix of which looks at least as good.
-#![cfg(all(feature = "encode", feature = "quality", feature = "samples"))]
+#![cfg(all(feature = "encode", feature = "quality", feature = "recompress", feature = "samples"))]
 
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
-use lodestream::container::{Front, Kind, Parsed};
+use lodestream::container::{ChunkInfo, Front, Kind, Parsed, Preview};
 use lodestream::decode::{DecodeOptions, Decoder, Step};
 use lodestream::encode::{EncodeOptions, Schedule, encode};
 use lodestream::generate;
 use lodestream::mesh::{Appearance, Image, Layer, LayerKind, Mesh, Stored};
 use lodestream::picture::{Cpu, Shading};
 use lodestream::quality::{Snapshots, ViewOptions};
+use lodestream::recompress::preview::{Previews, add_previews};
 use lodestream::schedule::{Effort, Options, ScheduleError, Scheduled, by_quality};
 
 const OPTIONS: Options = Options { effort: Effort::Low, memory_limit: 1 << 30 };
@@ -54,7 +55,12 @@ fn textured(side: u16) -> Mesh {
     }];
     mesh.material = vec![0; mesh.face_count()];
     let material = r#"{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}},"normalTexture":{"index":1}}"#;
-    let image = |name: &str, seed| Image { name: name.into(), mime: "image/jpeg".into(), bytes: spots(side, seed) };
+    let image = |name: &str, seed| Image {
+        name: name.into(),
+        mime: "image/jpeg".into(),
+        bytes: spots(side, seed),
+        previews: Vec::new(),
+    };
     mesh.appearance = Appearance {
         materials: vec![material.into()],
         textures: vec![r#"{"source":0}"#.into(), r#"{"source":1}"#.into()],
@@ -115,6 +121,51 @@ fn the_same_file_in_another_order() {
     // And with any number of threads.
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
     assert_eq!(one.install(|| ordered(&plain).bytes), scheduled.bytes);
+}
+
+/// What stands in front of which of the images, in order.
+fn pictures(bytes: &[u8]) -> Vec<(Kind, u32, u32)> {
+    let front = front(bytes);
+    let row = |(i, c): (usize, &ChunkInfo)| match c.kind {
+        Kind::Image => Some((c.kind, c.image, c.segment)),
+        Kind::Preview => {
+            let preview = Preview::of(front.payload(bytes, i).ok()??)?;
+            Some((c.kind, preview.image, preview.number))
+        }
+        _ => None,
+    };
+    front.chunks().iter().enumerate().filter_map(row).collect()
+}
+
+#[test]
+fn previews_come_where_they_are_worth_it() {
+    let mut mesh = textured(512);
+    add_previews(&mut mesh.appearance, Previews::Auto);
+    assert!(mesh.appearance.images.iter().all(|i| !i.previews.is_empty()));
+    let plain = file(&mesh, Schedule::MeshFirst);
+    let Scheduled { bytes, curve, areas, .. } = ordered(&plain);
+    assert!(areas.chosen >= areas.mesh_first.max(areas.texture_first).max(areas.linear), "{areas:?}");
+    assert_eq!(prefix(&bytes), prefix(&plain));
+    // Those of the colour in front of its pieces; the normals, which are not seen, with theirs behind all that is seen.
+    let order = pictures(&bytes);
+    let first = order.iter().position(|p| p.0 == Kind::Image).expect("pieces");
+    let count = mesh.appearance.images[0].previews.len();
+    assert_eq!(first, count);
+    assert!(order[..count].iter().enumerate().all(|(k, p)| *p == (Kind::Preview, 0, k as u32)), "{order:?}");
+    let normals = order.iter().position(|p| p.1 == 1).expect("the other image");
+    assert!(order[normals..].iter().all(|p| p.1 == 1) && order[normals].0 == Kind::Preview, "{order:?}");
+    // The curve knows them, and says what pictures say.
+    assert!(curve.iter().any(|p| p.previews > 0 && p.pieces == 0));
+    assert_eq!(curve.last().map(|p| p.previews), Some(count));
+    let (views, size) = OPTIONS.effort.views();
+    let options = ViewOptions { views, size, shading: Shading::Smooth };
+    let snapshots = Snapshots::new(&prefix(&plain), &Cpu, &options).expect("pictures");
+    for point in curve.iter().filter(|p| p.previews > 0).step_by(3) {
+        let seen = snapshots.compare(&prefix(&bytes[..point.bytes as usize]), &Cpu).expect("pictures").ms_ssim;
+        assert!((seen - point.quality).abs() < 1e-3, "{point:?}: {seen}");
+    }
+    assert_eq!(ordered(&bytes).bytes, bytes);
+    assert_eq!(ordered(&file(&mesh, Schedule::Linear)).bytes, bytes);
 }
 
 #[test]

@@ -14,6 +14,7 @@ use crate::decode::{DecodeOptions, Decoder, Step};
 use crate::encode::{self, EncodeError, Encoded};
 use crate::metric::Engine;
 use crate::read::{self, Format, ReadError, ReadErrorKind, ReadMesh, ReadOptions, Survey};
+use crate::recompress::preview::add_previews;
 use crate::recompress::recompress;
 use rayon::ThreadPool;
 use serde::Serialize;
@@ -312,6 +313,7 @@ fn compute(
     job.record.warnings = read.warnings.iter().map(ToString::to_string).collect();
     // Not a warning of the reader, and still what somebody who looks at the output has to know.
     let recompressed = recompress(&mut read.mesh.appearance, job.settings.textures);
+    add_previews(&mut read.mesh.appearance, job.settings.previews);
     job.record.warnings.extend(recompressed.iter().map(ToString::to_string));
     job.record.vertices = read.mesh.vertex_count() as u64;
     job.record.faces = read.mesh.face_count() as u64;

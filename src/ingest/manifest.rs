@@ -2,7 +2,7 @@
 //!
 //! A manifest is read and checked as a whole before any work starts; every error names its line. Fields, the same in all
 //! three: `source` (needed), `output`, `position_bits`, `position_step`, `origin`, `uv_bits`, `uv_step`, `normal_bits`,
-//! `color_bits`, `scalar_bits`, `lock_borders`, `exact_images`, `schedule`, `texture`, `weld`, `drop`. What an entry leaves out is as the command line says; TOML has a table `[defaults]` in between, and one `[[job]]` for each file.
+//! `color_bits`, `scalar_bits`, `lock_borders`, `exact_images`, `schedule`, `texture`, `previews`, `weld`, `drop`. What an entry leaves out is as the command line says; TOML has a table `[defaults]` in between, and one `[[job]]` for each file.
 
 use super::error::IngestError;
 use super::location::{is_plain, output_name};
@@ -45,6 +45,7 @@ struct Entry {
     exact_images: Option<bool>,
     schedule: Option<String>,
     texture: Option<String>,
+    previews: Option<String>,
     weld: Option<bool>,
     drop: Option<Words>,
 }
@@ -209,6 +210,9 @@ fn job(line: u64, entry: Entry, base: &Settings) -> Result<Job, String> {
     if let Some(texture) = entry.texture {
         settings.textures = texture.trim().parse().map_err(|e: String| format!("texture: {e}"))?;
     }
+    if let Some(previews) = entry.previews {
+        settings.previews = previews.trim().parse().map_err(|e: String| format!("previews: {e}"))?;
+    }
     settings.weld = entry.weld.or(settings.weld);
     if let Some(words) = entry.drop {
         let words = match words {
@@ -252,7 +256,7 @@ fn csv_entries(text: &str, errors: &mut Errors<'_>) -> Vec<(u64, Entry)> {
             return entries;
         }
     };
-    const KNOWN: [&str; 16] = [
+    const KNOWN: [&str; 17] = [
         "source",
         "output",
         "position_bits",
@@ -267,6 +271,7 @@ fn csv_entries(text: &str, errors: &mut Errors<'_>) -> Vec<(u64, Entry)> {
         "exact_images",
         "schedule",
         "texture",
+        "previews",
         "weld",
         "drop",
     ];
@@ -349,6 +354,7 @@ fn csv_entry(headers: &csv::StringRecord, record: &csv::StringRecord) -> Result<
             "exact_images" => entry.exact_images = Some(flag()?),
             "schedule" => entry.schedule = Some(field.to_string()),
             "texture" => entry.texture = Some(field.to_string()),
+            "previews" => entry.previews = Some(field.to_string()),
             "weld" => entry.weld = Some(flag()?),
             _ => entry.drop = Some(Words::Text(field.to_string())),
         }
@@ -424,6 +430,7 @@ fn toml_entries(text: &str, errors: &mut Errors<'_>) -> Vec<(u64, Entry)> {
         entry.exact_images = entry.exact_images.or(base.exact_images);
         entry.schedule = entry.schedule.or_else(|| base.schedule.clone());
         entry.texture = entry.texture.or_else(|| base.texture.clone());
+        entry.previews = entry.previews.or_else(|| base.previews.clone());
         entry.weld = entry.weld.or(base.weld);
         entry.drop = entry.drop.or_else(|| base.drop.clone());
         entries.push((line, entry));
@@ -444,17 +451,17 @@ mod tests {
 
     #[test]
     fn the_three_kinds_say_the_same() {
-        let csv = "source,output,position_bits,position_step,origin,lock_borders,weld,drop,uv_bits,uv_step,normal_bits,color_bits,scalar_bits,exact_images,schedule,texture\n\
-                   a/one.ply,,14,,,,,,15,,,,,,,\n\
+        let csv = "source,output,position_bits,position_step,origin,lock_borders,weld,drop,uv_bits,uv_step,normal_bits,color_bits,scalar_bits,exact_images,schedule,texture,previews\n\
+                   a/one.ply,,14,,,,,,15,,,,,,,,\n\
                    # a comment\n\
-                   two.obj,x/two,,0.001,\"1,2,3\",true,no,\"uvs,normals\",,0.5,12,10,20,yes,linear,jpeg:85\n";
+                   two.obj,x/two,,0.001,\"1,2,3\",true,no,\"uvs,normals\",,0.5,12,10,20,yes,linear,jpeg:85,none\n";
         let jsonl = "{\"source\":\"a/one.ply\",\"position_bits\":14,\"uv_bits\":15}\n\n\n\
                      {\"source\":\"two.obj\",\"output\":\"x/two\",\"position_step\":0.001,\"origin\":[1,2,3],\
                      \"lock_borders\":true,\"weld\":false,\"drop\":[\"uvs\",\"normals\"],\
-                     \"uv_step\":0.5,\"normal_bits\":12,\"color_bits\":10,\"scalar_bits\":20,\"exact_images\":true,\"schedule\":\"linear\",\"texture\":\"jpeg:85\"}\n";
+                     \"uv_step\":0.5,\"normal_bits\":12,\"color_bits\":10,\"scalar_bits\":20,\"exact_images\":true,\"schedule\":\"linear\",\"texture\":\"jpeg:85\",\"previews\":\"none\"}\n";
         let toml = "[[job]]\nsource = \"a/one.ply\"\nposition_bits = 14\nuv_bits = 15\n[[job]]\nsource = \"two.obj\"\noutput = \"x/two\"\n\
                     position_step = 0.001\norigin = [1.0, 2.0, 3.0]\nlock_borders = true\nweld = false\ndrop = \"uvs normals\"\n\
-                    uv_step = 0.5\nnormal_bits = 12\ncolor_bits = 10\nscalar_bits = 20\nexact_images = true\nschedule = \"linear\"\ntexture = \"jpeg:85\"\n";
+                    uv_step = 0.5\nnormal_bits = 12\ncolor_bits = 10\nscalar_bits = 20\nexact_images = true\nschedule = \"linear\"\ntexture = \"jpeg:85\"\npreviews = \"none\"\n";
         let read = |kind, text: &str| parse("jobs", kind, text.as_bytes(), &Settings::default()).unwrap();
         let jobs = read("csv", csv);
         assert_eq!(
@@ -470,6 +477,7 @@ mod tests {
         assert_eq!((e.uv, e.normal_bits, e.color_bits, e.scalar_bits), (Precision::Step(0.5), 12, 10, 20));
         assert_eq!((e.images, e.schedule), (Exactness::Bytes, crate::encode::Schedule::Linear));
         assert_eq!(jobs[1].settings.textures, crate::recompress::Textures::Jpeg(85));
+        assert_eq!(jobs[1].settings.previews, crate::recompress::preview::Previews::None);
         assert_eq!(Ok(jobs[1].settings.drop), drop_set(["uvs", "normals"]));
         let strip = |jobs: Vec<Job>| jobs.into_iter().map(|j| Job { line: 0, ..j }).collect::<Vec<_>>();
         assert_eq!(strip(read("jsonl", jsonl)), strip(jobs.clone()));
@@ -506,18 +514,19 @@ mod tests {
         assert_eq!(list.len(), expected.len());
         assert_eq!(
             errors("csv", "file,bits\na,1\n")[0],
-            "jobs, line 1: the column \"file\" is not known; known are source, output, position_bits, position_step, origin, uv_bits, uv_step, normal_bits, color_bits, scalar_bits, lock_borders, exact_images, schedule, texture, weld, drop"
+            "jobs, line 1: the column \"file\" is not known; known are source, output, position_bits, position_step, origin, uv_bits, uv_step, normal_bits, color_bits, scalar_bits, lock_borders, exact_images, schedule, texture, previews, weld, drop"
         );
         // Fields are read before they are understood: the order of the errors is not that of the lines.
         let mut list = errors(
             "csv",
-            "source,uv_bits,uv_step,normal_bits,color_bits,scalar_bits,schedule,texture\na.ply,25,,,,,,\nb.ply,,-1,,,,,\nc.ply,12,0.1,,,,,\n\
-                 d.ply,,,1,,,,\ne.ply,,,,17,,,\nf.ply,,,,,x,,\ng.ply,,,,,,last,\nh.ply,,,,,,,jpeg\n",
+            "source,uv_bits,uv_step,normal_bits,color_bits,scalar_bits,schedule,texture,previews\na.ply,25,,,,,,,\nb.ply,,-1,,,,,,\nc.ply,12,0.1,,,,,,\n\
+                 d.ply,,,1,,,,,\ne.ply,,,,17,,,,\nf.ply,,,,,x,,,\ng.ply,,,,,,last,,\nh.ply,,,,,,,jpeg,\ni.ply,,,,,,,,some\n",
         );
         list.sort();
         assert_eq!(
             list,
             [
+                "jobs, line 10: previews: \"some\" is not auto or none",
                 "jobs, line 2: uv_bits is a number from 1 to 24",
                 "jobs, line 3: uv_step is a positive number, as in 0.000244140625",
                 "jobs, line 4: uv_bits and uv_step exclude each other; give one",

@@ -3,6 +3,7 @@
 use crate::encode::EncodeOptions;
 use crate::read::DropSet;
 use crate::recompress::Textures;
+use crate::recompress::preview::Previews;
 use sha2::{Digest, Sha256};
 
 /// How one file is to be encoded.
@@ -16,6 +17,8 @@ pub struct Settings {
     pub drop: DropSet,
     /// What becomes of images that are no JPEG.
     pub textures: Textures,
+    /// Whether images get previews.
+    pub previews: Previews,
 }
 
 /// The names of what can be left out, on the command line and in manifests.
@@ -50,13 +53,14 @@ impl Settings {
     /// it prints numbers in full. A new version of the program has outputs of its own.
     pub fn checksum(&self) -> [u8; 32] {
         let text = format!(
-            "lodestream {} format {}\n{:?}\nweld {:?} drop {:?}\ntextures {:?}\n",
+            "lodestream {} format {}\n{:?}\nweld {:?} drop {:?}\ntextures {:?} previews {:?}\n",
             env!("CARGO_PKG_VERSION"),
             crate::container::VERSION,
             self.encode,
             self.weld,
             self.drop,
-            self.textures
+            self.textures,
+            self.previews
         );
         Sha256::digest(text.as_bytes()).into()
     }
@@ -71,7 +75,7 @@ mod tests {
     #[test]
     fn every_setting_changes_the_checksum() {
         let plain = Settings::default();
-        let mut others = vec![plain.clone(); 13];
+        let mut others = vec![plain.clone(); 14];
         others[0].encode.quantization = Quantization::Bits(13);
         others[1].encode.quantization = Quantization::Step { step: 0.001, origin: None };
         others[2].encode.lock_borders = true;
@@ -85,11 +89,12 @@ mod tests {
         others[10].encode.images = crate::texture::Exactness::Bytes;
         others[11].encode.schedule = crate::encode::Schedule::Linear;
         others[12].textures = Textures::Jpeg(90);
+        others[13].previews = Previews::None;
         let mut sums: Vec<[u8; 32]> = others.iter().map(Settings::checksum).collect();
         sums.push(plain.checksum());
         sums.sort_unstable();
         sums.dedup();
-        assert_eq!(sums.len(), 14);
+        assert_eq!(sums.len(), 15);
         assert_eq!(drop_set(["uvs", " normals "]), Ok(DropSet { uvs: true, normals: true, ..DropSet::NONE }));
         assert_eq!(drop_set(["uvs", "uvw"]), Err("uvw"));
         assert!(DROP_NAMES.iter().all(|name| drop_set([*name]).is_ok()));

@@ -235,6 +235,13 @@ impl Frame {
         Ok(())
     }
 
+    /// Blocks of a component that hold samples, across and down.
+    #[cfg(feature = "recompress")]
+    pub fn size(&self, component: usize) -> (usize, usize) {
+        let c = &self.components[component];
+        (c.across, c.down)
+    }
+
     /// Visit all blocks of a component, those that fill up units too: column, row, block.
     #[cfg(feature = "recompress")]
     pub fn each_block(&self, component: usize, mut visit: impl FnMut(usize, usize, usize)) {

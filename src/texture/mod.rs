@@ -10,6 +10,8 @@
 //!
 //! Invariants: the pieces in their order are the whole file; the first of them, ended by [`END`], are a file too.
 
+#[cfg(feature = "recompress")]
+mod eighth;
 mod entropy;
 mod frame;
 #[cfg(feature = "recompress")]
@@ -18,6 +20,8 @@ mod progressive;
 mod restore;
 mod sequential;
 
+#[cfg(feature = "recompress")]
+pub use eighth::{Eighth, Means, eighth};
 #[cfg(feature = "recompress")]
 pub use lossy::{Pixels, Sampling, jpeg};
 pub use restore::restore;

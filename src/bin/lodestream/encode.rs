@@ -11,6 +11,7 @@ use lodestream::encode::{self, EncodeOptions, EncodeReport, Encoded, ImageReport
 use lodestream::lattice::Quantization;
 use lodestream::quantizer::Precision;
 use lodestream::read::{DropSet, ReadMesh, ReadOptions};
+use lodestream::recompress::preview::{Previews, add_previews};
 use lodestream::recompress::{Recompressed, Sampling, Textures, recompress};
 use lodestream::schedule::{self, Effort, Scheduled};
 use lodestream::texture::{Exactness, Odd, Way};
@@ -130,7 +131,7 @@ struct ImageArgs {
     /// Give images back byte by byte; otherwise baseline JPEG comes back progressive, with the same pixels and metadata
     #[arg(long)]
     exact_images: bool,
-    /// What comes first in the file: mesh-first, texture-first, linear (both in turns), or quality, which looks at pictures of the
+    /// What comes first in the file, behind the coarsest level and the coarsest previews: mesh-first, texture-first, linear (both in turns), or quality, which looks at pictures of the
     /// model and finds the order in which every prefix of the file looks best
     #[arg(long, value_name = "ORDER", default_value_t)]
     schedule: Order,
@@ -140,6 +141,9 @@ struct ImageArgs {
     /// What becomes of images that are no JPEG: keep, byte by byte, or jpeg:QUALITY, as in jpeg:90, which is smaller and not exact
     #[arg(long, value_name = "WHAT", default_value_t)]
     texture: Textures,
+    /// Small pictures that stand in for images until their first piece is there: auto, for images that are large enough, or none
+    #[arg(long, value_name = "WHICH", default_value_t)]
+    previews: Previews,
 }
 
 /// An order of chunks.
@@ -223,7 +227,7 @@ impl Ordered {
             "seconds": self.seconds,
             "drawn": drawn,
             "curve": curve.iter().map(|p| json!({
-                "bytes": p.bytes, "level": p.level, "pieces": p.pieces, "ms_ssim": p.quality,
+                "bytes": p.bytes, "level": p.level, "pieces": p.pieces, "previews": p.previews, "ms_ssim": p.quality,
             })).collect::<Vec<_>>(),
             "areas": {
                 "quality": areas.chosen, "greedy": areas.greedy, "mesh_first": areas.mesh_first,
@@ -335,6 +339,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
         let warnings: Vec<String> = read.warnings.iter().map(ToString::to_string).collect();
         warnings.iter().for_each(|w| shared::warn(format!("{name}: {w}")));
         let recompressed = recompress(&mut read.mesh.appearance, args.images.texture);
+        add_previews(&mut read.mesh.appearance, args.images.previews);
         for image in recompressed.iter().filter(|i| i.outcome.is_err()) {
             shared::warn(format!("{name}: {image}"));
         }
@@ -417,12 +422,14 @@ fn account(encoded: &Encoded, seconds: [f64; 3]) -> Value {
             "attributes": kind(report.bits.attributes),
             "appearance": kind(report.bits.appearance),
             "images": kind(report.bits.images),
+            "previews": kind(report.bits.previews),
         },
         "images": report.images.iter().map(|i| json!({
             "name": i.name,
             "bytes": i.bytes,
             "stored": i.stored,
             "pieces": i.pieces,
+            "previews": i.previews,
             "way": way(i.way),
             "reason": match i.way { Way::Kept(odd) => Some(odd.to_string()), _ => None },
         })).collect::<Vec<_>>(),
@@ -511,6 +518,7 @@ fn summary(
         ("attributes", report.bits.attributes),
         ("materials", report.bits.appearance),
         ("images", report.bits.images),
+        ("previews", report.bits.previews),
         ("header", report.bits.header),
     ];
     let kinds: Vec<String> = kinds

@@ -9,6 +9,7 @@ use anyhow::{Result, anyhow};
 use lodestream::encode::Schedule;
 use lodestream::ingest::{self, DROP_NAMES, IngestError, OnError, Plan, Retries, Settings, Shard, Summary};
 use lodestream::recompress::Textures;
+use lodestream::recompress::preview::Previews;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -42,12 +43,15 @@ pub struct Args {
     /// Give images back byte by byte; otherwise baseline JPEG comes back progressive, with the same pixels and metadata
     #[arg(long)]
     exact_images: bool,
-    /// What comes first in the files: mesh-first, texture-first, or linear, which is both in turns
+    /// What comes first in the files, behind the coarsest level and previews: mesh-first, texture-first, or linear, which is both in turns
     #[arg(long, value_name = "ORDER", default_value_t)]
     schedule: Schedule,
     /// What becomes of images that are no JPEG: keep, byte by byte, or jpeg:QUALITY, as in jpeg:90, which is smaller and not exact
     #[arg(long, value_name = "WHAT", default_value_t)]
     texture: Textures,
+    /// Small pictures that stand in for images until their first piece is there: auto, for images that are large enough, or none
+    #[arg(long, value_name = "WHICH", default_value_t)]
+    previews: Previews,
     /// Never move a vertex of a border, so that tiles fit at every level
     #[arg(long)]
     lock_borders: bool,
@@ -127,6 +131,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
         weld: args.weld.choice(),
         drop: ingest::drop_set(args.drop.iter().map(String::as_str)).unwrap_or_default(),
         textures: args.texture,
+        previews: args.previews,
     };
     plan.settings.encode.images = exactness(args.exact_images);
     plan.settings.encode.schedule = args.schedule;
