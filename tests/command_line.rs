@@ -393,6 +393,71 @@ fn textures_come_in_pieces() {
 }
 
 #[test]
+fn previews_are_shown_until_images_come() {
+    let scratch = Scratch::new("previews");
+    scratch
+        .write("t.obj", "mtllib t.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3\n");
+    scratch.write("t.mtl", "newmtl a\nmap_Kd a.png\nmap_Ke glow.png\n");
+    for (name, color) in [("a.png", png::ColorType::Rgb), ("glow.png", png::ColorType::Rgba)] {
+        let n = 400 * color.samples() as u32;
+        let mut noise = 7u32;
+        let mut pixel = |i: u32| {
+            noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (i % n / 10 + i / (4 * n) + (noise >> 29)) as u8
+        };
+        let pixels: Vec<u8> = (0..400 * n).map(&mut pixel).collect();
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, 400, 400);
+        encoder.set_color(color);
+        encoder.write_header().unwrap().write_image_data(&pixels).unwrap();
+        std::fs::write(scratch.path(name), &bytes).unwrap();
+    }
+    let account = lodestream(scratch.folder(), "encode t.obj -o t.lods --json").json();
+    let sizes = |i: usize| account["images"][i]["previews"].as_array().unwrap().iter().map(number).collect::<Vec<_>>();
+    assert!(!sizes(0).is_empty() && !sizes(1).is_empty(), "{account}");
+    assert_eq!(number(&account["bytes_by_kind"]["previews"]), sizes(0).iter().chain(&sizes(1)).sum::<f64>());
+    lodestream(scratch.folder(), "verify t.lods --against t.obj").ok();
+    let chunks = lodestream(scratch.folder(), "info t.lods --json").json()["chunks"].clone();
+    let end = |kind: &str| {
+        let last = chunks.as_array().unwrap().iter().rfind(|c| c["kind"] == kind).unwrap();
+        number(&last["offset"]) + number(&last["length"])
+    };
+    // All previews and no image: files are named by what they are.
+    std::fs::create_dir(scratch.path("part")).unwrap();
+    for to in ["t.obj", "t.glb"] {
+        let command = format!("decode t.lods -o part/{to} --max-bytes {}", end("preview"));
+        let run = lodestream(scratch.folder(), &command);
+        assert_eq!(
+            (run.code, run.stderr.as_str()),
+            (0, "lodestream: warning: t.lods: 2 of 2 images are there in part and lack detail\n")
+        );
+    }
+    assert!(std::fs::read(scratch.path("part/a.jpg")).unwrap().starts_with(&[0xFF, 0xD8]));
+    assert!(std::fs::read(scratch.path("part/glow.png")).unwrap().starts_with(b"\x89PNG"));
+    let library = std::fs::read_to_string(scratch.path("part/t.mtl")).unwrap();
+    assert!(library.contains("map_Kd a.jpg\nmap_Ke glow.png\n"), "{library}");
+    let glb = std::fs::read(scratch.path("part/t.glb")).unwrap();
+    let glb = String::from_utf8_lossy(&glb);
+    assert_eq!(glb.matches("\"mimeType\":\"image/jpeg\"").count(), 1);
+    assert_eq!(glb.matches("\"mimeType\":\"image/png\"").count(), 1);
+
+    // Without them it decodes to the same.
+    lodestream(scratch.folder(), "encode t.obj -o bare.lods --previews none").ok();
+    lodestream(scratch.folder(), "verify bare.lods --against t.obj").ok();
+    assert!(!lodestream(scratch.folder(), "info bare.lods --json").stdout.contains("preview"));
+    for (file, folder) in [("t.lods", "with"), ("bare.lods", "without")] {
+        std::fs::create_dir(scratch.path(folder)).unwrap();
+        lodestream(scratch.folder(), &format!("decode {file} -o {folder}/t.obj")).ok();
+    }
+    for name in ["t.obj", "t.mtl", "a.png", "glow.png"] {
+        let [with, without] = ["with", "without"].map(|f| std::fs::read(scratch.path(&format!("{f}/{name}"))).unwrap());
+        assert!(with == without, "{name}");
+    }
+    let run = lodestream(scratch.folder(), "encode t.obj -o t.lods --previews some");
+    assert!(run.code == 2 && run.stderr.contains("\"some\" is not auto or none"), "{}", run.stderr);
+}
+
+#[test]
 fn textures_become_jpeg_where_that_is_asked_for() {
     let scratch = Scratch::new("recompressed");
     scratch
