@@ -8,6 +8,7 @@
 use super::settings::Settings;
 use crate::read::Survey;
 use crate::recompress::Textures;
+use crate::recompress::preview::Previews;
 use crate::texture::Working;
 
 /// Bytes of the mesh and the map, for each vertex, corner, element and record.
@@ -46,6 +47,8 @@ pub fn peak(s: &Survey, stored: u64, beside: (u64, Working), settings: &Settings
         true => (0, Working::default()),
         false => (beside.0.saturating_add(s.images), beside.1.max(s.working)),
     };
+    // Previews have at most a sixteenth of the bytes of their image, and are made in memory that cutting it takes too.
+    let images = images.saturating_add(if settings.previews == Previews::Auto { images / 16 } else { 0 });
     let (coefficients, pixels) = match settings.textures {
         Textures::Keep => (working.coefficients, 0),
         Textures::Jpeg(_) => (working.coefficients, working.pixels),
