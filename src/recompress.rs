@@ -1,8 +1,9 @@
-//! Images of other formats as JPEG, where the user asks for it: much smaller, in pieces, and not exact.
+//! Images of other formats as JPEG: much smaller, in pieces, and not exact.
 //!
-//! What an image is for decides how: textures of colour get less colour than brightness, as the eye does; normals, metalness, roughness,
-//! occlusion and whatever is not known keep all samples of all components at the same precision. Grey is grey. What JPEG cannot say, alpha and
-//! 16 bits, stays as it is, and so does what would not become smaller. Invariant: a JPEG is never touched; [`texture`](crate::texture) carries it exactly.
+//! What an image is for decides how: normals, metalness, roughness, occlusion and whatever is not known keep all samples of all components at
+//! the same precision. Colours get less precision than brightness, as the eye does, and half the samples across and down where that
+//! loses next to nothing; colour that changes from pixel to pixel keeps them all. Grey is grey. What JPEG cannot say, alpha and 16 bits,
+//! stays as it is, and so does what would not become smaller. Invariant: a JPEG is never touched; [`texture`](crate::texture) carries it exactly.
 
 use std::fmt;
 use std::io::Cursor;
@@ -14,22 +15,55 @@ use serde_json::Value;
 
 use crate::mesh::{Appearance, Image};
 pub use crate::texture::Sampling;
-use crate::texture::{Odd, Pixels, jpeg};
+use crate::texture::{Exactness, Odd, Pixels, jpeg, loss_by_halving};
 
 /// What becomes of images that are no JPEG.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Textures {
     /// They stay as they are, byte by byte.
-    #[default]
     Keep,
+    /// They become JPEG of a quality at which nobody sees the difference, [`COLOUR`] or [`DATA`], where that can say what they say.
+    #[default]
+    Fine,
     /// They become JPEG of this quality, 1 to 100, where that can say what they say.
     Jpeg(u8),
+}
+
+/// The quality of colours, or of grey, by [`Textures::Fine`]: an MS-SSIM above 0.997 on all real ones.
+pub const COLOUR: u8 = 92;
+/// The quality of normals and other data by [`Textures::Fine`]: 41 dB or more on all real ones.
+pub const DATA: u8 = 95;
+
+/// Colours whose components lose more than this by halving, in 256ths of a squared step, keep all samples: it is about what
+/// quantization costs a picture at a quality of 92, and far between photographs (up to 2.3 steps) and fabric or flat paint (from 3.8).
+const MOST_LOST: u64 = 3 << 8;
+
+impl Textures {
+    /// The quality of an image of colours, or of one of data; `None` where images stay as they are.
+    fn quality(self, colour: bool) -> Option<u8> {
+        match self {
+            Textures::Keep => None,
+            Textures::Fine => Some(if colour { COLOUR } else { DATA }),
+            Textures::Jpeg(quality) => Some(quality),
+        }
+    }
+}
+
+impl Textures {
+    /// What applies where nobody chose: [`Textures::Fine`], but where the very bytes of images are asked for, [`Textures::Keep`].
+    pub fn beside(images: Exactness) -> Self {
+        match images {
+            Exactness::Bytes => Textures::Keep,
+            Exactness::Coefficients => Textures::Fine,
+        }
+    }
 }
 
 impl fmt::Display for Textures {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Textures::Keep => write!(f, "keep"),
+            Textures::Fine => write!(f, "jpeg"),
             Textures::Jpeg(quality) => write!(f, "jpeg:{quality}"),
         }
     }
@@ -39,13 +73,15 @@ impl FromStr for Textures {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        if text == "keep" {
-            return Ok(Textures::Keep);
+        match text {
+            "keep" => return Ok(Textures::Keep),
+            "jpeg" => return Ok(Textures::Fine),
+            _ => {}
         }
         let quality = text.strip_prefix("jpeg:").and_then(|q| q.parse::<u8>().ok()).filter(|q| (1..=100).contains(q));
         quality
             .map(Textures::Jpeg)
-            .ok_or_else(|| format!("{text:?} is not keep or jpeg:QUALITY from 1 to 100, as in jpeg:90"))
+            .ok_or_else(|| format!("{text:?} is not keep, jpeg, or jpeg:QUALITY from 1 to 100, as in jpeg:90"))
     }
 }
 
@@ -72,6 +108,9 @@ impl fmt::Display for Recompressed {
             Ok(Sampling::Halved) => {
                 write!(f, "{name}: a JPEG of colour (4:2:0) now, not exact: {to} bytes from {from}")
             }
+            Ok(Sampling::Sharp) => {
+                write!(f, "{name}: a JPEG of colour (4:4:4) now, not exact: {to} bytes from {from}")
+            }
             Ok(Sampling::Full) => write!(f, "{name}: a JPEG of data (4:4:4) now, not exact: {to} bytes from {from}"),
             Err(odd) => write!(f, "{name}: kept as it is: {odd}"),
         }
@@ -81,16 +120,17 @@ impl fmt::Display for Recompressed {
 /// Make JPEG of the images that are none, as `textures` says. Returns what became of those, in their order; images that are JPEG already, and
 /// those that were not there, are not among them.
 pub fn recompress(appearance: &mut Appearance, textures: Textures) -> Vec<Recompressed> {
-    let Textures::Jpeg(quality) = textures else { return Vec::new() };
     let colour = colours(appearance);
     let mut out = Vec::new();
     for (number, image) in appearance.images.iter_mut().enumerate() {
+        let colour = colour.get(number) == Some(&true);
+        let Some(quality) = textures.quality(colour) else { continue };
         if image.bytes.is_empty() || image.bytes.starts_with(&[0xFF, 0xD8, 0xFF]) {
             continue;
         }
         let name = if image.name.is_empty() { format!("image {number}") } else { image.name.clone() };
         let from = image.bytes.len() as u64;
-        let outcome = recompress_one(image, quality, colour.get(number) == Some(&true));
+        let outcome = recompress_one(image, quality, colour);
         out.push(Recompressed { image: number, name, from, to: image.bytes.len() as u64, outcome });
     }
     out
@@ -98,12 +138,13 @@ pub fn recompress(appearance: &mut Appearance, textures: Textures) -> Vec<Recomp
 
 fn recompress_one(image: &mut Image, quality: u8, colour: bool) -> Result<Sampling, Odd> {
     let picture = read(&image.bytes)?;
-    let sampling = match (picture.channels, colour) {
+    let Picture { width, height, channels, ref samples, ref profile } = picture;
+    let sampling = match (channels, colour) {
         (1, _) => Sampling::Grey,
-        (_, true) => Sampling::Halved,
         (_, false) => Sampling::Full,
+        (_, true) if loss_by_halving(width as usize, samples) > MOST_LOST => Sampling::Sharp,
+        (_, true) => Sampling::Halved,
     };
-    let Picture { width, height, ref samples, ref profile, .. } = picture;
     let file = jpeg(&Pixels { width, height, samples, profile: profile.as_deref() }, quality, sampling)?;
     if file.len() >= image.bytes.len() {
         return Err(Odd("it would not become smaller"));

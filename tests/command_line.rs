@@ -412,7 +412,7 @@ fn previews_are_shown_until_images_come() {
         encoder.write_header().unwrap().write_image_data(&pixels).unwrap();
         std::fs::write(scratch.path(name), &bytes).unwrap();
     }
-    let account = lodestream(scratch.folder(), "encode t.obj -o t.lods --json").json();
+    let account = lodestream(scratch.folder(), "encode t.obj -o t.lods --texture keep --json").json();
     let sizes = |i: usize| account["images"][i]["previews"].as_array().unwrap().iter().map(number).collect::<Vec<_>>();
     assert!(!sizes(0).is_empty() && !sizes(1).is_empty(), "{account}");
     assert_eq!(number(&account["bytes_by_kind"]["previews"]), sizes(0).iter().chain(&sizes(1)).sum::<f64>());
@@ -442,7 +442,7 @@ fn previews_are_shown_until_images_come() {
     assert_eq!(glb.matches("\"mimeType\":\"image/png\"").count(), 1);
 
     // Without them it decodes to the same.
-    lodestream(scratch.folder(), "encode t.obj -o bare.lods --previews none").ok();
+    lodestream(scratch.folder(), "encode t.obj -o bare.lods --texture keep --previews none").ok();
     lodestream(scratch.folder(), "verify bare.lods --against t.obj").ok();
     assert!(!lodestream(scratch.folder(), "info bare.lods --json").stdout.contains("preview"));
     for (file, folder) in [("t.lods", "with"), ("bare.lods", "without")] {
@@ -458,7 +458,7 @@ fn previews_are_shown_until_images_come() {
 }
 
 #[test]
-fn textures_become_jpeg_where_that_is_asked_for() {
+fn textures_become_jpeg_where_nobody_sees_it_or_asks_for_it() {
     let scratch = Scratch::new("recompressed");
     scratch
         .write("t.obj", "mtllib t.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3\n");
@@ -482,10 +482,20 @@ fn textures_become_jpeg_where_that_is_asked_for() {
     png("n.png", png::ColorType::Rgb);
     let glow = png("glow.png", png::ColorType::Rgba);
 
-    // Not unless it is asked for.
-    lodestream(scratch.folder(), "encode t.obj -o exact.lods").ok();
-    let run = lodestream(scratch.folder(), "verify exact.lods --against t.obj").ok();
-    assert!(!run.stdout.contains("not kept"), "{}", run.stdout);
+    // By itself at a quality that looks the same, and it says so; not where exactness is asked for.
+    let run = lodestream(scratch.folder(), "encode t.obj -o fine.lods").ok();
+    let lines: Vec<&str> = run.stderr.lines().collect();
+    assert_eq!(lines.len(), 2, "{}", run.stderr);
+    for (line, (name, what)) in lines.iter().zip([("a.png", "colour (4:2:0)"), ("n.png", "data (4:4:4)")]) {
+        let begin = format!("lodestream: warning: t.obj: {name}: a JPEG of {what} now, not exact: ");
+        assert!(line.starts_with(&begin) && line.ends_with("; --texture keep carries it as it is"), "{line}");
+    }
+    for exact in ["--texture keep", "--exact-images"] {
+        let run = lodestream(scratch.folder(), &format!("encode t.obj -o exact.lods {exact}")).ok();
+        assert_eq!(run.stderr, "");
+        let run = lodestream(scratch.folder(), "verify exact.lods --against t.obj").ok();
+        assert!(!run.stdout.contains("not kept"), "{}", run.stdout);
+    }
 
     let run = lodestream(scratch.folder(), "encode t.obj -o t.lods --texture jpeg:90");
     assert_eq!(
@@ -512,8 +522,8 @@ fn textures_become_jpeg_where_that_is_asked_for() {
     let library = std::fs::read_to_string(scratch.path("out/t.mtl")).unwrap();
     assert!(library.contains("map_Kd a.jpg\nnorm n.jpg\nmap_Ke glow.png\n"), "{library}");
 
-    let run = lodestream(scratch.folder(), "encode t.obj -o t.lods --texture jpeg");
-    assert!(run.code == 2 && run.stderr.contains("is not keep or jpeg:QUALITY from 1 to 100"), "{}", run.stderr);
+    let run = lodestream(scratch.folder(), "encode t.obj -o t.lods --texture jpg");
+    assert!(run.code == 2 && run.stderr.contains("is not keep, jpeg, or jpeg:QUALITY from 1 to 100"), "{}", run.stderr);
 }
 
 #[test]

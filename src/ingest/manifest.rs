@@ -9,6 +9,7 @@ use super::location::{is_plain, output_name};
 use super::settings::{DROP_NAMES, Settings, drop_set};
 use crate::lattice::Quantization;
 use crate::quantizer::Precision;
+use crate::recompress::Textures;
 use crate::texture::Exactness;
 use serde::Deserialize;
 use std::collections::HashMap;
@@ -203,6 +204,10 @@ fn job(line: u64, entry: Entry, base: &Settings) -> Result<Job, String> {
     }
     if let Some(exact) = entry.exact_images {
         settings.encode.images = if exact { Exactness::Bytes } else { Exactness::Coefficients };
+        // Who asks for the very bytes means all images, and may still say otherwise below.
+        if exact {
+            settings.textures = Textures::Keep;
+        }
     }
     if let Some(schedule) = entry.schedule {
         settings.encode.schedule = schedule.trim().parse().map_err(|e: String| format!("schedule: {e}"))?;
@@ -476,7 +481,7 @@ mod tests {
         let e = &jobs[1].settings.encode;
         assert_eq!((e.uv, e.normal_bits, e.color_bits, e.scalar_bits), (Precision::Step(0.5), 12, 10, 20));
         assert_eq!((e.images, e.schedule), (Exactness::Bytes, crate::encode::Schedule::Linear));
-        assert_eq!(jobs[1].settings.textures, crate::recompress::Textures::Jpeg(85));
+        assert_eq!(jobs[1].settings.textures, Textures::Jpeg(85));
         assert_eq!(jobs[1].settings.previews, crate::recompress::preview::Previews::None);
         assert_eq!(Ok(jobs[1].settings.drop), drop_set(["uvs", "normals"]));
         let strip = |jobs: Vec<Job>| jobs.into_iter().map(|j| Job { line: 0, ..j }).collect::<Vec<_>>();
@@ -520,7 +525,7 @@ mod tests {
         let mut list = errors(
             "csv",
             "source,uv_bits,uv_step,normal_bits,color_bits,scalar_bits,schedule,texture,previews\na.ply,25,,,,,,,\nb.ply,,-1,,,,,,\nc.ply,12,0.1,,,,,,\n\
-                 d.ply,,,1,,,,,\ne.ply,,,,17,,,,\nf.ply,,,,,x,,,\ng.ply,,,,,,last,,\nh.ply,,,,,,,jpeg,\ni.ply,,,,,,,,some\n",
+                 d.ply,,,1,,,,,\ne.ply,,,,17,,,,\nf.ply,,,,,x,,,\ng.ply,,,,,,last,,\nh.ply,,,,,,,jpg,\ni.ply,,,,,,,,some\n",
         );
         list.sort();
         assert_eq!(
@@ -534,7 +539,7 @@ mod tests {
                 "jobs, line 6: color_bits is a number from 1 to 16",
                 "jobs, line 7: scalar_bits is a number, not \"x\"",
                 "jobs, line 8: schedule: \"last\" is no order of chunks; use mesh-first, texture-first or linear",
-                "jobs, line 9: texture: \"jpeg\" is not keep or jpeg:QUALITY from 1 to 100, as in jpeg:90",
+                "jobs, line 9: texture: \"jpg\" is not keep, jpeg, or jpeg:QUALITY from 1 to 100, as in jpeg:90",
             ]
         );
     }

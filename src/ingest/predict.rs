@@ -51,7 +51,7 @@ pub fn peak(s: &Survey, stored: u64, beside: (u64, Working), settings: &Settings
     let images = images.saturating_add(if settings.previews == Previews::Auto { images / 16 } else { 0 });
     let (coefficients, pixels) = match settings.textures {
         Textures::Keep => (working.coefficients, 0),
-        Textures::Jpeg(_) => (working.coefficients, working.pixels),
+        Textures::Fine | Textures::Jpeg(_) => (working.coefficients, working.pixels),
     };
     let mesh = dot(&MESH, &[s.vertices, s.corners, s.elements, s.records])
         .saturating_add(dot(&LAYERS, &[values.numbers, of_layers]))

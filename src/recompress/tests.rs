@@ -93,7 +93,7 @@ fn images_become_what_they_are_for() {
         let (expected, least) = match r.outcome {
             Ok(Sampling::Grey) => (picture(120, 91, 1), 38.0),
             Ok(Sampling::Full) => (picture(120, 91, 3), 38.0),
-            // Colour of single pixels is not there.
+            // The noise of each channel by itself is not there.
             _ => (picture(120, 91, 3), 24.0),
         };
         let noise = psnr(&samples(&image.bytes, expected.len()), &expected);
@@ -107,15 +107,40 @@ fn images_become_what_they_are_for() {
 }
 
 #[test]
+fn colour_keeps_its_samples_where_they_differ() {
+    // Slopes lose nothing, stripes as narrow as a pixel all of it, stripes of two pixels on even columns nothing.
+    let of = |pixel: fn(usize, usize) -> [u8; 3]| {
+        let (width, height) = (65, 33);
+        let samples: Vec<u8> = (0..width * height).flat_map(|i| pixel(i % width, i / width)).collect();
+        loss_by_halving(width, &samples)
+    };
+    assert!(of(|x, y| [x as u8 * 3, y as u8 * 4, 100]) < MOST_LOST / 2);
+    assert_eq!(of(|x, y| [((x + y) % 7 * 30) as u8; 3]), 0);
+    assert_eq!(of(|x, _| if x / 2 % 2 == 0 { [200, 0, 0] } else { [0, 0, 200] }), 0);
+    // Blue moves by (-33.7 - 100) / 2 and red by (100 + 16.3) / 2 around their means.
+    let stripes = of(|x, _| if x % 2 == 0 { [200, 0, 0] } else { [0, 0, 200] });
+    let expected = 256.0 * (66.87f64.powi(2) + 58.13f64.powi(2)) / 2.0;
+    assert!((stripes as f64 / expected - 1.0).abs() < 0.01, "{stripes} {expected}");
+    // No partner, nothing to lose; and nothing to divide by.
+    assert_eq!((loss_by_halving(1, &[9; 30]), loss_by_halving(0, &[])), (0, 0));
+    // The largest sums there are.
+    assert!(of(|x, y| if (x + y) % 2 == 0 { [255, 0, 0] } else { [0, 255, 255] }) > MOST_LOST);
+}
+
+#[test]
 fn odd_sizes_and_profiles_survive() {
     for (width, height) in [(1, 1), (7, 9), (17, 8), (8, 33), (250, 3)] {
-        for sampling in [Sampling::Grey, Sampling::Halved, Sampling::Full] {
+        for sampling in [Sampling::Grey, Sampling::Halved, Sampling::Sharp, Sampling::Full] {
             let samples = picture(width, height, if sampling == Sampling::Grey { 1 } else { 3 });
             let profile = vec![5u8; 100_000];
             let of = Pixels { width: width as u16, height: height as u16, samples: &samples, profile: Some(&profile) };
             let file = jpeg(&of, 95, sampling).unwrap();
             let noise = psnr(&self::samples(&file, samples.len()), &samples);
-            let least = if sampling == Sampling::Halved { 20.0 } else { 37.0 };
+            let least = match sampling {
+                Sampling::Halved => 20.0,
+                Sampling::Sharp => 33.0,
+                _ => 37.0,
+            };
             assert!(noise > least, "{width}x{height} {sampling:?}: {noise}");
             let mut decoder = zune_jpeg::JpegDecoder::new(Cursor::new(&file));
             decoder.decode_headers().unwrap();
@@ -160,18 +185,21 @@ fn what_jpeg_cannot_say_stays_and_the_reason_is_told() {
 
 #[test]
 fn choices_are_read_as_they_are_written() {
-    for choice in [Textures::Keep, Textures::Jpeg(1), Textures::Jpeg(100)] {
+    for choice in [Textures::Keep, Textures::Fine, Textures::Jpeg(1), Textures::Jpeg(100)] {
         assert_eq!(choice.to_string().parse(), Ok(choice));
     }
-    for wrong in ["jpeg", "jpeg:", "jpeg:0", "jpeg:101", "png", ""] {
+    assert_eq!(Textures::beside(Exactness::Coefficients), Textures::default());
+    assert_eq!(Textures::beside(Exactness::Bytes), Textures::Keep);
+    for wrong in ["jpg", "jpeg:", "jpeg:0", "jpeg:101", "png", ""] {
         assert_eq!(
             wrong.parse::<Textures>().unwrap_err(),
-            format!("{wrong:?} is not keep or jpeg:QUALITY from 1 to 100, as in jpeg:90")
+            format!("{wrong:?} is not keep, jpeg, or jpeg:QUALITY from 1 to 100, as in jpeg:90")
         );
     }
 }
 
 /// Sizes and likeness on the PNG files of the data sets.
+#[cfg(feature = "quality")]
 #[test]
 fn real_textures_become_smaller() {
     let Ok(folder) = std::env::var("LODESTREAM_DATA") else {
@@ -189,17 +217,35 @@ fn real_textures_become_smaller() {
                 let name = path.file_name().unwrap().to_string_lossy();
                 let materials = [r#"{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}"#];
                 let materials = if name.contains("ormal") { &[][..] } else { &materials[..] };
-                for quality in [85, 90, 95] {
+                for choice in [Textures::Fine, Textures::Jpeg(85), Textures::Jpeg(90), Textures::Jpeg(95)] {
                     let mut all = appearance(vec![image(&name, bytes.clone())], materials);
-                    let report = recompress(&mut all, Textures::Jpeg(quality));
+                    let report = recompress(&mut all, choice);
                     let Recompressed { from, to, outcome, .. } = &report[0];
-                    let likeness = outcome.is_ok().then(|| {
-                        let before = read(&bytes).unwrap().samples;
-                        psnr(&samples(&all.images[0].bytes, before.len()), &before)
-                    });
-                    eprintln!("{name}, quality {quality}: {from} -> {to} bytes, {outcome:?}, {likeness:?} dB");
+                    let Ok(sampling) = outcome else {
+                        eprintln!("{name}, {choice}: {from} bytes, {outcome:?}");
+                        continue;
+                    };
+                    let before = read(&bytes).unwrap();
+                    let after = samples(&all.images[0].bytes, before.samples.len());
+                    let noise = psnr(&after, &before.samples);
+                    let ssim = likeness(&before, &after);
+                    eprintln!("{name}, {choice}: {from} -> {to} bytes, {sampling:?}, {noise:.1} dB, MS-SSIM {ssim:?}");
+                    if choice == Textures::Fine {
+                        let least = if *sampling == Sampling::Full { 41.0 } else { 35.0 };
+                        assert!(noise > least && ssim.is_none_or(|s| s > 0.997), "{name}: {noise}, {ssim:?}");
+                    }
                 }
             }
         }
     }
+}
+
+/// MS-SSIM of luma, where pictures are large enough for it.
+#[cfg(feature = "quality")]
+fn likeness(before: &super::Picture, after: &[u8]) -> Option<f64> {
+    let picture = |samples: &[u8]| {
+        let rgb = if before.channels == 1 { samples.iter().flat_map(|&g| [g; 3]).collect() } else { samples.to_vec() };
+        crate::picture::Picture { width: before.width.into(), height: before.height.into(), rgb }
+    };
+    crate::quality::ms_ssim(&picture(&before.samples), &picture(after)).ok()
 }

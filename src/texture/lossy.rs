@@ -1,7 +1,7 @@
 //! Pixels into progressive files: colour, subsampling, cosine transform, quantization (T.81, annexes A.3 and K.1; JFIF).
 //!
 //! The one place where a picture loses something, and only where the user asks for it. Integers throughout: a file is the same on every
-//! machine. Data of other kinds than colour take the finer of the two usual tables for all components and no subsampling.
+//! machine. Data of other kinds than colour ([`Sampling::Full`]) take the finer of the two usual tables for all components and no subsampling.
 
 use super::frame::{Frame, Parsed};
 use super::{END, MAX_COEFFICIENT_BYTES, Odd, progressive};
@@ -13,6 +13,8 @@ pub enum Sampling {
     Grey,
     /// Three, those of colour with half the samples across and down (4:2:0).
     Halved,
+    /// Three, those of colour with all samples (4:4:4), as precise as the eye needs them.
+    Sharp,
     /// Three, all with all samples and the same precision (4:4:4).
     Full,
 }
@@ -68,7 +70,9 @@ pub fn jpeg(pixels: &Pixels<'_>, quality: u8, sampling: Sampling) -> Result<Vec<
     if pixels.samples.len() != width * height * channels || pixels.samples.is_empty() {
         return Err(Odd("its pixels are not as many as it says"));
     }
-    let tables: &[usize] = if sampling == Sampling::Halved { &[0, 1] } else { &[0] };
+    // A table for each component; those of colour have the coarser one where they are colour.
+    let table = |c: usize| usize::from(c > 0 && matches!(sampling, Sampling::Halved | Sampling::Sharp));
+    let tables = 0..=table(channels - 1);
     let mut out = vec![0xFF, 0xD8, 0xFF, 0xE0, 0, 16];
     out.extend_from_slice(b"JFIF\0\x01\x01\0\0\x01\0\x01\0\0");
     // A segment has 65,535 bytes at most, and a profile its number and that of all segments in each of its own.
@@ -82,7 +86,7 @@ pub fn jpeg(pixels: &Pixels<'_>, quality: u8, sampling: Sampling) -> Result<Vec<
             out.extend_from_slice(part);
         }
     }
-    for &which in tables {
+    for which in tables {
         out.extend_from_slice(&[0xFF, 0xDB, 0, 67, which as u8]);
         out.extend_from_slice(&steps(which, quality));
     }
@@ -92,7 +96,7 @@ pub fn jpeg(pixels: &Pixels<'_>, quality: u8, sampling: Sampling) -> Result<Vec<
     body.push(channels as u8);
     for c in 0..channels {
         let halved = sampling == Sampling::Halved;
-        body.extend_from_slice(&[c as u8 + 1, if halved && c == 0 { 0x22 } else { 0x11 }, u8::from(halved && c > 0)]);
+        body.extend_from_slice(&[c as u8 + 1, if halved && c == 0 { 0x22 } else { 0x11 }, table(c) as u8]);
     }
     out.extend_from_slice(&[0xFF, 0xC2]);
     out.extend_from_slice(&(body.len() as u16 + 2).to_be_bytes());
@@ -102,8 +106,8 @@ pub fn jpeg(pixels: &Pixels<'_>, quality: u8, sampling: Sampling) -> Result<Vec<
     let mut blocks = frame.empty();
     for c in 0..channels {
         let plane = plane(pixels, c, sampling);
-        let table = steps(usize::from(sampling == Sampling::Halved && c > 0), quality);
-        frame.each_block(c, |x, y, at| blocks[at] = block(&plane, x, y, &table));
+        let steps = steps(table(c), quality);
+        frame.each_block(c, |x, y, at| blocks[at] = block(&plane, x, y, &steps));
     }
     frame.take_filling(&mut blocks);
     progressive::encode(&frame, &blocks, false, &mut out);
@@ -118,18 +122,44 @@ struct Plane {
     samples: Vec<u8>,
 }
 
+/// Luma, blue or red of a pixel by JFIF, without the middle that is added to the last two; in fractions of 2^16.
+fn component(p: &[u8], c: usize) -> i32 {
+    // Each row sums to 2^16 or to 0.
+    let [r, g, b] = [[19595, 38470, 7471], [-11058, -21710, 32768], [32768, -27439, -5329]][c];
+    r * i32::from(p[0]) + g * i32::from(p[1]) + b * i32::from(p[2])
+}
+
+/// What blue and red of JFIF lose where four pixels share one sample: the mean square of their differences, in 256ths of a squared step of 8 bits.
+/// `samples` has three bytes per pixel, rows from the top; what has no partner at the edges is left out.
+pub fn loss_by_halving(width: usize, samples: &[u8]) -> u64 {
+    let (mut sum, mut count) = (0u64, 0u64);
+    for rows in samples.chunks_exact((6 * width).max(1)) {
+        let (upper, lower) = rows.split_at(3 * width);
+        let mut here = 0u64;
+        for (a, b) in upper.chunks_exact(6).zip(lower.chunks_exact(6)) {
+            for c in 1..3 {
+                // Eight bits of fraction are enough; with the four of the sum a difference has ten.
+                let four = [&a[..3], &a[3..], &b[..3], &b[3..]].map(|p| component(p, c) >> 8);
+                let all: i32 = four.iter().sum();
+                here += four.iter().map(|v| u64::from((4 * v - all).unsigned_abs())).map(|d| d * d).sum::<u64>();
+                count += 4;
+            }
+        }
+        sum += here >> 12;
+    }
+    sum / count.max(1)
+}
+
 /// Component `c` of a picture: the only one, or luma, blue and red of JFIF.
 fn plane(pixels: &Pixels<'_>, c: usize, sampling: Sampling) -> Plane {
     let (width, height) = (pixels.width as usize, pixels.height as usize);
     if sampling == Sampling::Grey {
         return Plane { width, height, samples: pixels.samples.to_vec() };
     }
-    // Fractions of 2^16; each row sums to 2^16 or to 0.
-    let ([r, g, b], middle) =
-        [([19595, 38470, 7471], 0), ([-11058, -21710, 32768], 128), ([32768, -27439, -5329], 128)][c];
-    let one = |p: &[u8]| r * i32::from(p[0]) + g * i32::from(p[1]) + b * i32::from(p[2]);
+    let middle = if c == 0 { 0 } else { 128 };
+    let one = |p: &[u8]| component(p, c);
     let byte = |sum: i32, bits: u32| ((sum + (1 << (bits - 1)) >> bits) + middle).clamp(0, 255) as u8;
-    if sampling == Sampling::Full || c == 0 {
+    if sampling != Sampling::Halved || c == 0 {
         let samples = pixels.samples.chunks_exact(3).map(|p| byte(one(p), 16)).collect();
         return Plane { width, height, samples };
     }

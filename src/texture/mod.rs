@@ -23,7 +23,7 @@ mod sequential;
 #[cfg(feature = "recompress")]
 pub use eighth::{Eighth, Means, eighth};
 #[cfg(feature = "recompress")]
-pub use lossy::{Pixels, Sampling, jpeg};
+pub use lossy::{Pixels, Sampling, jpeg, loss_by_halving};
 pub use restore::restore;
 
 use self::frame::{Frame, Item, Parsed};

@@ -138,9 +138,10 @@ struct ImageArgs {
     /// How closely `--schedule quality` looks: low, normal or high (6, 12 or 42 views)
     #[arg(long, value_name = "EFFORT", default_value_t)]
     schedule_effort: Effort,
-    /// What becomes of images that are no JPEG: keep, byte by byte, or jpeg:QUALITY, as in jpeg:90, which is smaller and not exact
-    #[arg(long, value_name = "WHAT", default_value_t)]
-    texture: Textures,
+    /// What becomes of images that are no JPEG: keep, byte by byte; jpeg, which is much smaller and not exact, at a quality that looks the
+    /// same; or jpeg:QUALITY, as in jpeg:90 [default: jpeg; keep with --exact-images]
+    #[arg(long, value_name = "WHAT")]
+    texture: Option<Textures>,
     /// Small pictures that stand in for images until their first piece is there: auto, for images that are large enough, or none
     #[arg(long, value_name = "WHICH", default_value_t)]
     previews: Previews,
@@ -180,6 +181,10 @@ impl FromStr for Order {
 }
 
 impl ImageArgs {
+    fn texture(&self) -> Textures {
+        self.texture.unwrap_or(Textures::beside(exactness(self.exact_images)))
+    }
+
     fn set(&self, options: &mut EncodeOptions) {
         options.images = exactness(self.exact_images);
         if let Order::Fixed(schedule) = self.schedule {
@@ -338,10 +343,13 @@ pub fn run(args: &Args) -> Result<Outcome> {
         let read_seconds = shared::seconds(start);
         let warnings: Vec<String> = read.warnings.iter().map(ToString::to_string).collect();
         warnings.iter().for_each(|w| shared::warn(format!("{name}: {w}")));
-        let recompressed = recompress(&mut read.mesh.appearance, args.images.texture);
+        let recompressed = recompress(&mut read.mesh.appearance, args.images.texture());
         add_previews(&mut read.mesh.appearance, args.images.previews);
-        for image in recompressed.iter().filter(|i| i.outcome.is_err()) {
-            shared::warn(format!("{name}: {image}"));
+        // Who asked for JPEG learns what is none; who did not, what is.
+        let asked = args.images.texture.is_some();
+        for image in recompressed.iter().filter(|i| i.outcome.is_err() == asked) {
+            let exact = if asked { "" } else { "; --texture keep carries it as it is" };
+            shared::warn(format!("{name}: {image}{exact}"));
         }
         let progress = |p: Progress| bars.show(stage_name(p.stage), p.done, p.total);
         let trace = if args.trace.is_some() { Trace::on() } else { Trace::off() };
@@ -485,7 +493,7 @@ fn recompressed_json(image: &Recompressed) -> Value {
         "sampling": image.outcome.ok().map(|sampling| match sampling {
             Sampling::Grey => "grey",
             Sampling::Halved => "4:2:0",
-            Sampling::Full => "4:4:4",
+            Sampling::Sharp | Sampling::Full => "4:4:4",
         }),
         "kept_because": image.outcome.err().map(|odd| odd.to_string()),
     })

@@ -46,9 +46,10 @@ pub struct Args {
     /// What comes first in the files, behind the coarsest level and previews: mesh-first, texture-first, or linear, which is both in turns
     #[arg(long, value_name = "ORDER", default_value_t)]
     schedule: Schedule,
-    /// What becomes of images that are no JPEG: keep, byte by byte, or jpeg:QUALITY, as in jpeg:90, which is smaller and not exact
-    #[arg(long, value_name = "WHAT", default_value_t)]
-    texture: Textures,
+    /// What becomes of images that are no JPEG: keep, byte by byte; jpeg, which is much smaller and not exact, at a quality that looks the
+    /// same; or jpeg:QUALITY, as in jpeg:90 [default: jpeg; keep with --exact-images]
+    #[arg(long, value_name = "WHAT")]
+    texture: Option<Textures>,
     /// Small pictures that stand in for images until their first piece is there: auto, for images that are large enough, or none
     #[arg(long, value_name = "WHICH", default_value_t)]
     previews: Previews,
@@ -130,7 +131,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
         encode: args.precision.options(args.lattice.quantization(), args.lock_borders),
         weld: args.weld.choice(),
         drop: ingest::drop_set(args.drop.iter().map(String::as_str)).unwrap_or_default(),
-        textures: args.texture,
+        textures: args.texture.unwrap_or(Textures::beside(exactness(args.exact_images))),
         previews: args.previews,
     };
     plan.settings.encode.images = exactness(args.exact_images);
