@@ -15,7 +15,7 @@ use serde_json::Value;
 
 use crate::mesh::{Appearance, Image};
 pub use crate::texture::Sampling;
-use crate::texture::{Exactness, Odd, Pixels, jpeg, loss_by_halving};
+use crate::texture::{Exactness, MOST_PIXELS, Odd, Pixels, jpeg, loss_by_halving};
 
 /// What becomes of images that are no JPEG.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -194,9 +194,6 @@ struct Picture {
     samples: Vec<u8>,
     profile: Option<Vec<u8>>,
 }
-
-/// Pixels that an image may have: their coefficients and the pixels themselves take some two gigabytes.
-const MOST_PIXELS: u64 = 1 << 28;
 
 fn read(bytes: &[u8]) -> Result<Picture, Odd> {
     const DAMAGED: Odd = Odd("it is damaged");

@@ -1,6 +1,8 @@
 //! The order by quality: the same file in another order, each prefix of which looks at least as good.
 #![cfg(all(feature = "encode", feature = "quality", feature = "recompress", feature = "samples"))]
 
+mod common;
+
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use lodestream::container::{ChunkInfo, Front, Kind, Parsed, Preview};
 use lodestream::decode::{DecodeOptions, Decoder, Step};
@@ -11,8 +13,9 @@ use lodestream::picture::{Cpu, Shading};
 use lodestream::quality::{Snapshots, ViewOptions};
 use lodestream::recompress::preview::{Previews, add_previews};
 use lodestream::schedule::{Effort, Options, ScheduleError, Scheduled, by_quality};
+use lodestream::write::{WriteOptions, write_path};
 
-const OPTIONS: Options = Options { effort: Effort::Low, memory_limit: 1 << 30 };
+const OPTIONS: Options = Options { effort: Effort::Low, image_cache: 1 << 30, memory_limit: 1 << 30 };
 
 /// Spots of all sizes, as a JPEG of another encoder.
 fn spots(side: u16, seed: u32) -> Vec<u8> {
@@ -113,6 +116,9 @@ fn the_same_file_in_another_order() {
     assert_eq!((last.0, last.1), (Kind::Image, 1));
     chunks.iter_mut().for_each(|c| c.sort_by_key(|c| (c.0.number(), c.1, c.2, c.3)));
     assert_eq!(chunks[0], chunks[1]);
+    // Images that are decoded again for every look are the same.
+    let again = by_quality(&plain, &Options { image_cache: 0, ..OPTIONS }, &|_, _| {}).expect("it can be put in order");
+    assert!(again.bytes == scheduled.bytes);
     // Wherever it comes from.
     for schedule in [Schedule::TextureFirst, Schedule::Linear] {
         assert_eq!(ordered(&file(&mesh, schedule)).bytes, scheduled.bytes, "{schedule}");
@@ -223,4 +229,35 @@ fn what_cannot_be_put_in_order_says_why() {
     let small = Options { memory_limit: 1000, ..OPTIONS };
     assert!(by_quality(&plain, &small, &|_, _| {}).expect_err("no room").to_string().contains("memory"));
     assert_eq!("medium".parse::<Effort>().unwrap_err(), "\"medium\" is no effort; use low, normal or high");
+}
+
+#[test]
+fn ingest_puts_files_in_order_as_encode_does() {
+    let scratch = common::Scratch::new("ordered");
+    let folder = scratch.folder();
+    write_path(scratch.path("ball.glb"), &textured(192), None, &WriteOptions::default()).expect("it is written");
+    scratch.write("plain.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    scratch.write(
+        "jobs.toml",
+        "[[job]]\nsource = \"ball.glb\"\nschedule = \"quality\"\n[[job]]\nsource = \"plain.obj\"\n",
+    );
+    common::lodestream(folder, "encode ball.glb -o one.lods --schedule quality --schedule-effort low").ok();
+    common::lodestream(folder, "ingest ball.glb plain.obj -o all --schedule quality --schedule-effort low --verify")
+        .ok();
+    common::lodestream(folder, "ingest --manifest jobs.toml -o listed --schedule-effort low").ok();
+    // Ingest adds a stamp.
+    let chunks = |name: &str| {
+        let bytes = std::fs::read(scratch.path(name)).expect("an output");
+        let chunks = front(&bytes).chunks().to_vec();
+        let kept = chunks.iter().filter(|c| !matches!(c.kind, Kind::Other(_)));
+        kept.map(|c| (c.kind, c.image, c.segment, c.checksum)).collect::<Vec<_>>()
+    };
+    let expected = chunks("one.lods");
+    assert_eq!(chunks("all/ball.lods"), expected);
+    assert_eq!(chunks("listed/ball.lods"), expected);
+    // How closely is looked is a setting like others: another one is another output.
+    let run = common::lodestream(folder, "ingest ball.glb plain.obj -o all --schedule quality --resume").ok();
+    assert!(run.stdout.contains("2: 2 done, 0 skipped"), "{}", run.stdout);
+    let run = common::lodestream(folder, "ingest ball.glb plain.obj -o all --schedule quality --resume").ok();
+    assert!(run.stdout.contains("2: 0 done, 2 skipped"), "{}", run.stdout);
 }

@@ -9,9 +9,10 @@ use super::error::{Failure, FailureKind};
 use super::location::Object;
 use super::stamp::{checksum_with, source_checksum};
 use super::store::Store;
-use crate::read::{DropSet, Format, find_beside, mtl, percent_decode};
+use crate::read::{DropSet, Format, drawn_images, find_beside, mtl, percent_decode};
 use crate::texture::Working;
 use serde::Deserialize;
+use serde_json::Value;
 use sha2::{Digest, Sha256};
 use std::borrow::Cow;
 use std::collections::BTreeSet;
@@ -80,8 +81,8 @@ impl Beside {
             if kind == Kind::Image {
                 images += part.bytes;
                 let file = File::open(&part.path).ok();
-                working =
-                    working.max(file.map_or(Working::default(), |f| Working::of(&mut BufReader::new(f), part.bytes)));
+                let of = file.map_or(Working::default(), |f| Working::of(&mut BufReader::new(f), part.bytes));
+                working = working.and(if wanted.drawn.contains(&name) { of } else { of.unseen() });
             }
             if kind == Kind::Library && !drop.images {
                 let library = std::fs::read(&part.path).unwrap_or_default();
@@ -218,6 +219,8 @@ struct References {
     names: Vec<(Kind, String)>,
     /// The materials that an OBJ uses.
     materials: BTreeSet<String>,
+    /// The images that pictures show.
+    drawn: BTreeSet<String>,
 }
 
 impl References {
@@ -233,6 +236,9 @@ impl References {
             if self.materials.contains(&record.name) {
                 for map in record.lines.iter().filter_map(|line| mtl::map_line(line)) {
                     self.add(Kind::Image, map.file);
+                    if map.keyword == "map_kd" {
+                        self.drawn.insert(map.file.to_string());
+                    }
                 }
             }
         }
@@ -303,7 +309,9 @@ fn ply(input: &mut dyn BufRead, found: &mut References) -> io::Result<()> {
         if let Some(rest) = line.strip_prefix("comment")
             && let Some(name) = rest.trim_start().strip_prefix("TextureFile")
         {
-            found.add(Kind::Image, name.trim().trim_matches('"'));
+            let name = name.trim().trim_matches('"');
+            found.add(Kind::Image, name);
+            found.drawn.insert(name.to_string());
         }
         line != "end_header"
     })
@@ -343,6 +351,10 @@ struct Document<'a> {
     buffers: Vec<Item<'a>>,
     #[serde(default, borrow)]
     images: Vec<Item<'a>>,
+    #[serde(default)]
+    materials: Vec<Value>,
+    #[serde(default)]
+    textures: Vec<Value>,
 }
 
 #[derive(Deserialize)]
@@ -364,9 +376,15 @@ fn gltf(input: &mut dyn BufRead, drop: DropSet, found: &mut References) -> io::R
     let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&text);
     let Ok(document) = serde_json::from_slice::<Document<'_>>(text) else { return Ok(()) };
     let images = if drop.materials || drop.images { &[][..] } else { &document.images };
+    let drawn = drawn_images(&document.materials, &document.textures);
     for (kind, list) in [(Kind::Buffer, &document.buffers[..]), (Kind::Image, images)] {
-        for uri in list.iter().filter_map(|item| item.uri.as_deref()).filter(|u| !u.starts_with("data:")) {
-            found.add(kind, &percent_decode(uri).unwrap_or_else(|| uri.to_string()));
+        for (number, item) in list.iter().enumerate() {
+            let Some(uri) = item.uri.as_deref().filter(|u| !u.starts_with("data:")) else { continue };
+            let name = percent_decode(uri).unwrap_or_else(|| uri.to_string());
+            found.add(kind, &name);
+            if kind == Kind::Image && drawn.contains(&(number as u64)) {
+                found.drawn.insert(name);
+            }
         }
     }
     Ok(())
@@ -400,6 +418,10 @@ mod tests {
             b"newmtl one\nmap_Kd -s 1 1 1 wood.png\nnewmtl three\nmap_Kd other.png\nnewmtl two\nbump b.jpg\n",
         );
         assert_eq!(found.names, own(&[(Kind::Image, "wood.png"), (Kind::Image, "b.jpg")]));
+        assert_eq!(found.drawn, BTreeSet::from(["wood.png".to_string()]));
+        let painted = br#"{"images":[{"uri":"n.png"},{"uri":"c.png"}],"textures":[{"source":0},{"extensions":{"X":{"source":1}}}],
+            "materials":[{"pbrMetallicRoughness":{"baseColorTexture":{"index":1}},"normalTexture":{"index":0}}]}"#;
+        assert_eq!(references(painted, Format::Gltf, DropSet::NONE).drawn, BTreeSet::from(["c.png".to_string()]));
         let ply = b"ply\nformat ascii 1.0\ncomment TextureFile my tex.png\nend_header\ncomment TextureFile no.png\n";
         assert_eq!(names(ply, Format::Ply, DropSet::NONE), own(&[(Kind::Image, "my tex.png")]));
         let json = br#"{"asset":{"version":"2.0"},"buffers":[{"uri":"a%20b.bin"},{"uri":"data:x"},{}],"images":[{"uri":"i.png"},{"bufferView":1}]}"#;

@@ -16,6 +16,7 @@ use crate::metric::Engine;
 use crate::read::{self, Format, ReadError, ReadErrorKind, ReadMesh, ReadOptions, Survey};
 use crate::recompress::preview::add_previews;
 use crate::recompress::recompress;
+use crate::schedule;
 use rayon::ThreadPool;
 use serde::Serialize;
 use std::io::Cursor;
@@ -334,6 +335,14 @@ fn compute(
     // Images may be most of what is in memory: the mesh, the output and the stamped output never are there together, unless
     // the mesh is needed again.
     let again = around.verify.then_some((read, map));
+    let bytes = if job.settings.by_quality {
+        // The file is our own, and what this takes was foreseen.
+        let effort = job.settings.effort;
+        let options = schedule::Options { effort, image_cache: predict::IMAGE_CACHE, memory_limit: u64::MAX };
+        schedule::by_quality(&bytes, &options, &|_, _| {}).map_err(|e| inside(&e))?.bytes
+    } else {
+        bytes
+    };
     let stamped = stamp.attach(&bytes).map_err(|e| inside(&e))?;
     drop(bytes);
     job.record.levels = report.levels as u64;

@@ -210,7 +210,7 @@ fn job(line: u64, entry: Entry, base: &Settings) -> Result<Job, String> {
         }
     }
     if let Some(schedule) = entry.schedule {
-        settings.encode.schedule = schedule.trim().parse().map_err(|e: String| format!("schedule: {e}"))?;
+        settings.set_order(schedule.trim().parse().map_err(|e: String| format!("schedule: {e}"))?);
     }
     if let Some(texture) = entry.texture {
         settings.textures = texture.trim().parse().map_err(|e: String| format!("texture: {e}"))?;
@@ -538,7 +538,7 @@ mod tests {
                 "jobs, line 5: normal_bits is a number from 2 to 16",
                 "jobs, line 6: color_bits is a number from 1 to 16",
                 "jobs, line 7: scalar_bits is a number, not \"x\"",
-                "jobs, line 8: schedule: \"last\" is no order of chunks; use mesh-first, texture-first or linear",
+                "jobs, line 8: schedule: \"last\" is no order of chunks; use mesh-first, texture-first or linear, or quality",
                 "jobs, line 9: texture: \"jpg\" is not keep, jpeg, or jpeg:QUALITY from 1 to 100, as in jpeg:90",
             ]
         );

@@ -32,6 +32,13 @@ const DOCUMENT: u64 = 6;
 const WELD: u64 = 20;
 /// Bytes that are left of encoding when the output is put together, for each vertex.
 const HISTORY: u64 = 90;
+/// Bytes of decoded images that the order by quality keeps.
+pub(super) const IMAGE_CACHE: u64 = 64 << 20;
+/// Bytes for that order: for each vertex and corner of a level in memory and as a scene, for each number of a value and corner of a layer, for each
+/// texel of all images, and for each pixel of all views.
+const DRAWING: [u64; 5] = [160, 60, 8, 20, 8];
+/// States of an image that are kept, at most, as far as the cache goes; bytes of each for each texel.
+const STATES: u64 = 10 * 11;
 /// Vertices from which a file gets all cores to itself.
 pub const LARGE: u64 = 2_000_000;
 
@@ -45,13 +52,13 @@ pub fn peak(s: &Survey, stored: u64, beside: (u64, Working), settings: &Settings
     let isolated = s.vertices.saturating_sub(s.corners);
     let (images, working) = match drop.images || drop.materials {
         true => (0, Working::default()),
-        false => (beside.0.saturating_add(s.images), beside.1.max(s.working)),
+        false => (beside.0.saturating_add(s.images), beside.1.and(s.working)),
     };
     // Previews have at most a sixteenth of the bytes of their image, and are made in memory that cutting it takes too.
     let images = images.saturating_add(if settings.previews == Previews::Auto { images / 16 } else { 0 });
     let (coefficients, pixels) = match settings.textures {
         Textures::Keep => (working.coefficients, 0),
-        Textures::Fine | Textures::Jpeg(_) => (working.coefficients, working.pixels),
+        Textures::Fine | Textures::Jpeg(_) => (working.coefficients.max(working.made), working.pixels),
     };
     let mesh = dot(&MESH, &[s.vertices, s.corners, s.elements, s.records])
         .saturating_add(dot(&LAYERS, &[values.numbers, of_layers]))
@@ -61,7 +68,7 @@ pub fn peak(s: &Survey, stored: u64, beside: (u64, Working), settings: &Settings
     let weld = if s.records > s.vertices { WELD.saturating_mul(s.vertices) } else { 0 };
     let reading = mesh.saturating_add(s.unpacked).saturating_add(packed).saturating_add(weld);
     // One image after another becomes a JPEG, when the file is not needed any more.
-    let recompressing = mesh.saturating_add(images).saturating_add(pixels);
+    let recompressing = mesh.saturating_add(pixels);
 
     // Records beside vertices stay in the map while the mesh is encoded.
     let records = MESH[3].saturating_mul(s.records.saturating_sub(s.vertices));
@@ -77,12 +84,25 @@ pub fn peak(s: &Survey, stored: u64, beside: (u64, Working), settings: &Settings
 
     // Images that stay as they are go from the mesh into the output. Others are cut one after another: the pieces of all are there, and the
     // new file and the coefficients of one; then the output. Verifying has that, what was pushed into a decoder, what that
-    // made of it, and the decoded mesh; it compares the coefficients of both.
+    // made of it, and the decoded mesh; it compares the coefficients of both, where their bytes differ.
     let copies = if coefficients > 0 { 2 } else { 1 };
     let cutting = dot(&[copies, 1], &[images, coefficients]);
-    let verifying = if verify { dot(&[4, 2], &[images, coefficients]) } else { 0 };
+    let verifying = if verify { dot(&[4, 2], &[images, working.coefficients]) } else { 0 };
     let writing = HISTORY.saturating_mul(s.vertices).saturating_add(mesh).saturating_add(cutting.max(verifying));
-    reading.max(recompressing).max(encoding).max(writing).saturating_add(DOCUMENT.saturating_mul(s.document))
+    // The file, a decoder's copy of it, its images, and the file in another order; a level and its scene.
+    let drawing = if settings.by_quality && images > 0 {
+        let (views, size) = settings.effort.views();
+        let pictures = views as u64 * u64::from(size).pow(2);
+        let kept = dot(&[4], &[images]).saturating_add(IMAGE_CACHE.min(STATES.saturating_mul(working.texels)));
+        let source = if verify { mesh } else { 0 };
+        dot(&DRAWING, &[s.vertices, s.corners, of_layers.saturating_add(values.numbers), working.texels, pictures])
+            .saturating_add(kept)
+            .saturating_add(source)
+    } else {
+        0
+    };
+    let end = writing.max(drawing);
+    reading.max(recompressing).max(encoding).max(end).saturating_add(DOCUMENT.saturating_mul(s.document))
 }
 
 /// The most vertices or corners that a file can have.

@@ -4,6 +4,7 @@ use crate::encode::EncodeOptions;
 use crate::read::DropSet;
 use crate::recompress::Textures;
 use crate::recompress::preview::Previews;
+use crate::schedule::{Effort, Order};
 use sha2::{Digest, Sha256};
 
 /// How one file is to be encoded.
@@ -19,6 +20,10 @@ pub struct Settings {
     pub textures: Textures,
     /// Whether images get previews.
     pub previews: Previews,
+    /// Put chunks in the order by quality; otherwise they come as [`EncodeOptions::schedule`] says.
+    pub by_quality: bool,
+    /// How closely that order looks.
+    pub effort: Effort,
 }
 
 /// The names of what can be left out, on the command line and in manifests.
@@ -47,20 +52,29 @@ pub fn drop_set<'a>(names: impl IntoIterator<Item = &'a str>) -> Result<DropSet,
 }
 
 impl Settings {
+    /// Follow this order.
+    pub fn set_order(&mut self, order: Order) {
+        self.by_quality = order == Order::Quality;
+        if let Order::Fixed(schedule) = order {
+            self.encode.schedule = schedule;
+        }
+    }
+
     /// SHA-256 of all that shapes the output besides the source: these settings and the version of the encoder.
     ///
     /// The derived `Debug` form is the spelling, so that an option that joins [`EncodeOptions`] joins the checksum;
     /// it prints numbers in full. A new version of the program has outputs of its own.
     pub fn checksum(&self) -> [u8; 32] {
         let text = format!(
-            "lodestream {} format {}\n{:?}\nweld {:?} drop {:?}\ntextures {:?} previews {:?}\n",
+            "lodestream {} format {}\n{:?}\nweld {:?} drop {:?}\ntextures {:?} previews {:?}\nby quality {:?}\n",
             env!("CARGO_PKG_VERSION"),
             crate::container::VERSION,
             self.encode,
             self.weld,
             self.drop,
             self.textures,
-            self.previews
+            self.previews,
+            self.by_quality.then_some(self.effort)
         );
         Sha256::digest(text.as_bytes()).into()
     }
@@ -75,7 +89,7 @@ mod tests {
     #[test]
     fn every_setting_changes_the_checksum() {
         let plain = Settings::default();
-        let mut others = vec![plain.clone(); 14];
+        let mut others = vec![plain.clone(); 16];
         others[0].encode.quantization = Quantization::Bits(13);
         others[1].encode.quantization = Quantization::Step { step: 0.001, origin: None };
         others[2].encode.lock_borders = true;
@@ -89,12 +103,17 @@ mod tests {
         others[10].encode.images = crate::texture::Exactness::Bytes;
         others[11].encode.schedule = crate::encode::Schedule::Linear;
         others[12].textures = Textures::Jpeg(90);
-        others[13].previews = Previews::None;
+        others[13].set_order(Order::Quality);
+        others[14].set_order(Order::Quality);
+        others[14].effort = Effort::High;
+        others[15].previews = Previews::None;
         let mut sums: Vec<[u8; 32]> = others.iter().map(Settings::checksum).collect();
         sums.push(plain.checksum());
         sums.sort_unstable();
         sums.dedup();
-        assert_eq!(sums.len(), 15);
+        assert_eq!(sums.len(), 17);
+        // How closely is looked says nothing where nobody looks.
+        assert_eq!(Settings { effort: Effort::Low, ..plain.clone() }.checksum(), plain.checksum());
         assert_eq!(drop_set(["uvs", " normals "]), Ok(DropSet { uvs: true, normals: true, ..DropSet::NONE }));
         assert_eq!(drop_set(["uvs", "uvw"]), Err("uvw"));
         assert!(DROP_NAMES.iter().all(|name| drop_set([*name]).is_ok()));

@@ -37,6 +37,8 @@ pub(crate) use appearance::media_type;
 pub use error::{Place, ReadError, ReadErrorKind};
 pub(crate) use gltf::extensions_in;
 pub(crate) use gltf::percent_decode;
+#[cfg(feature = "ingest")]
+pub(crate) use survey::drawn_images;
 pub use survey::{Survey, Values, survey, survey_head, survey_path};
 pub(crate) use warning::counted;
 pub use warning::{Layer, Warning};

@@ -11,9 +11,6 @@ use crate::quality::{Snapshots, ViewOptions};
 use crate::texture::END;
 use std::collections::BTreeMap;
 
-/// Bytes of decoded images that are kept for later cells.
-const KEPT: usize = 512 << 20;
-
 /// What is there of an image, less before more.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 enum State {
@@ -51,7 +48,7 @@ impl<'a> Stage<'a> {
             memory_limit: options.memory_limit,
             shown: Vec::new(),
             whole: None,
-            images: Images { file, front, previews, kept: BTreeMap::new(), bytes: 0, turn: 0 },
+            images: Images { file, front, previews, kept: BTreeMap::new(), bytes: 0, most: options.image_cache, turn: 0 },
             drawn: 0,
         };
         if front.header().attributes.images == 0 {
@@ -215,7 +212,9 @@ struct Images<'a> {
     previews: &'a Previews,
     /// By image and state: the image, or nothing where it does not decode; and when it was used last.
     kept: BTreeMap<(usize, State), (Option<Drawable>, u64)>,
-    bytes: usize,
+    bytes: u64,
+    /// Bytes that are kept for later turns.
+    most: u64,
     turn: u64,
 }
 
@@ -231,7 +230,7 @@ impl Images<'_> {
             .collect();
         let this = &*self;
         for (key, image) in par::map(missing, |key| (key, Drawable::new(&this.bytes_of(key)).ok())) {
-            self.bytes += image.as_ref().map_or(0, Drawable::memory);
+            self.bytes += image.as_ref().map_or(0, Drawable::memory) as u64;
             self.kept.insert(key, (image, self.turn));
         }
         let mut out = vec![None; shown.len()];
@@ -241,12 +240,12 @@ impl Images<'_> {
                 out[i] = image.clone();
             }
         }
-        while self.bytes > KEPT {
+        while self.bytes > self.most {
             let oldest = self.kept.iter().map(|(&key, &(_, used))| (used, key)).min();
             match oldest {
                 Some((used, key)) if used < self.turn => {
                     let gone = self.kept.remove(&key).and_then(|(image, _)| image);
-                    self.bytes -= gone.map_or(0, |image| image.memory());
+                    self.bytes -= gone.map_or(0, |image| image.memory()) as u64;
                 }
                 _ => break,
             }

@@ -20,6 +20,7 @@ use self::plan::{Cell, Sizes};
 use self::surface::Surface;
 use crate::container::{Chunk, ChunkInfo, ContainerError, Front, Kind, Parsed, Preview, write_borrowed};
 use crate::decode::DecodeError;
+use crate::encode::Schedule;
 use crate::quality::SsimError;
 use std::collections::BTreeMap;
 use std::fmt;
@@ -80,18 +81,55 @@ impl FromStr for Effort {
     }
 }
 
+/// An order of chunks, as users name it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// One that the encoder follows.
+    Fixed(Schedule),
+    /// That of [`by_quality`].
+    Quality,
+}
+
+impl Default for Order {
+    fn default() -> Self {
+        Order::Fixed(Schedule::default())
+    }
+}
+
+impl fmt::Display for Order {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Order::Fixed(schedule) => schedule.fmt(f),
+            Order::Quality => f.write_str("quality"),
+        }
+    }
+}
+
+impl FromStr for Order {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        if name == "quality" {
+            return Ok(Order::Quality);
+        }
+        name.parse().map(Order::Fixed).map_err(|why| format!("{why}, or quality"))
+    }
+}
+
 /// What the caller chooses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Options {
     /// How closely the file is looked at.
     pub effort: Effort,
+    /// Bytes of decoded images that are kept for later looks; what one look takes is held beside them. It changes how long it takes, not what comes out.
+    pub image_cache: u64,
     /// The most memory that decoding it may take, in bytes.
     pub memory_limit: u64,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Options { effort: Effort::default(), memory_limit: 4 << 30 }
+        Options { effort: Effort::default(), image_cache: 512 << 20, memory_limit: 4 << 30 }
     }
 }
 

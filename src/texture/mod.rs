@@ -97,6 +97,9 @@ pub fn cut(bytes: &[u8], exactness: Exactness) -> Pieces<'_> {
     })
 }
 
+/// Pixels that an image may have of which a JPEG is made: their coefficients and the pixels themselves take some two gigabytes.
+pub(crate) const MOST_PIXELS: u64 = 1 << 28;
+
 /// Bytes of memory that work on an image takes beyond its file, as its first bytes tell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Working {
@@ -104,6 +107,10 @@ pub struct Working {
     pub coefficients: u64,
     /// Pixels and coefficients of a PNG of which a JPEG is made.
     pub pixels: u64,
+    /// The coefficients of that JPEG, which [`cut`] holds then.
+    pub made: u64,
+    /// How many pixels there are to be drawn, in all images together.
+    pub texels: u64,
 }
 
 impl Working {
@@ -111,29 +118,64 @@ impl Working {
     pub fn of(input: &mut impl Read, bytes: u64) -> Self {
         let (mut start, mut input) = (Vec::new(), input.take(bytes));
         // What cannot be read tells nothing; the reader of the image will say why.
-        let _ = (&mut input).take(24).read_to_end(&mut start);
+        let _ = (&mut input).take(26).read_to_end(&mut start);
         let start = &start[..];
         let word =
             |at: usize| start.get(at..).and_then(<[u8]>::first_chunk).map_or(0, |w| u32::from_be_bytes(*w) as u64);
         if start.starts_with(b"\x89PNG\r\n\x1a\n") {
-            // Four bytes of pixels, one of a component, six of coefficients; the rows of a file of so many bytes are not longer.
-            let pixels = word(16).saturating_mul(word(20)).min(bytes.saturating_mul(8 * 1100));
-            return Working { coefficients: 0, pixels: pixels.saturating_mul(11) };
+            let (width, height) = (word(16), word(20));
+            if start.get(12..16) != Some(b"IHDR") || width.max(height) > 65_535 || width * height > MOST_PIXELS {
+                // Nobody makes pixels of it.
+                return Working::default();
+            }
+            // The rows of a file of so many bytes are not longer.
+            let texels = (width * height).min(bytes.saturating_mul(8 * 1100));
+            if start.get(24) == Some(&16) {
+                return Working { texels, ..Working::default() };
+            }
+            // In halves of a byte per pixel: the pixels, one component, and the coefficients. Those of colour are half as many where it is halved,
+            // which only its pixels tell: between both.
+            let (samples, coefficients) = match start.get(25) {
+                Some(0) => (2, 4),
+                Some(4) => (4, 4),
+                Some(6) => (8, 9),
+                _ => (6, 9),
+            };
+            let halves = |n: u64| texels.saturating_mul(n) / 2;
+            return Working {
+                coefficients: 0,
+                pixels: halves(samples + 2 + coefficients),
+                made: halves(coefficients),
+                texels,
+            };
         }
-        let coefficients = coefficient_bytes(&mut start.chain(input)).unwrap_or(0);
-        Working { coefficients: coefficients.min(bytes.saturating_mul(MOST_COEFFICIENTS)), pixels: 0 }
+        let [coefficients, texels] = coefficients_and_pixels(&mut start.chain(input)).unwrap_or_default();
+        let coefficients = coefficients.min(bytes.saturating_mul(MOST_COEFFICIENTS));
+        // One component has two bytes of coefficients for each pixel.
+        Working { coefficients, texels: texels.min(coefficients / 2), ..Working::default() }
     }
 
-    /// The larger of both, for each.
+    /// Of an image that no picture shows.
     #[must_use]
-    pub fn max(self, other: Working) -> Self {
-        Working { coefficients: self.coefficients.max(other.coefficients), pixels: self.pixels.max(other.pixels) }
+    pub fn unseen(self) -> Self {
+        Working { texels: 0, ..self }
+    }
+
+    /// Of both, one worked on after the other and drawn together.
+    #[must_use]
+    pub fn and(self, other: Working) -> Self {
+        Working {
+            coefficients: self.coefficients.max(other.coefficients),
+            pixels: self.pixels.max(other.pixels),
+            made: self.made.max(other.made),
+            texels: self.texels.saturating_add(other.texels),
+        }
     }
 }
 
-/// Bytes of the coefficients that [`cut`] holds while it codes a file anew, of which `input` gives the beginning; `None` for one that it does
-/// not code anew. Reads as far as the frame.
-fn coefficient_bytes(input: &mut impl Read) -> Option<u64> {
+/// Bytes of the coefficients that [`cut`] holds while it codes a file anew, of which `input` gives the beginning, and its pixels; `None` for
+/// one that it does not code anew. Reads as far as the frame.
+fn coefficients_and_pixels(input: &mut impl Read) -> Option<[u64; 2]> {
     let mut start = [0; 2];
     input.read_exact(&mut start).ok()?;
     if start != [0xFF, 0xD8] {
@@ -154,7 +196,9 @@ fn coefficient_bytes(input: &mut impl Read) -> Option<u64> {
                 let mut frame = Vec::new();
                 input.take(length).read_to_end(&mut frame).ok()?;
                 let parsed = Parsed { items: Vec::new(), trailer: &[], process, frame: &frame };
-                return Frame::new(&parsed, MAX_COEFFICIENT_BYTES).ok().map(|frame| frame.bytes());
+                let size = |at: usize| Some(u64::from(u16::from_be_bytes(*frame.get(at..)?.first_chunk()?)));
+                let pixels = size(1)? * size(3)?;
+                return Frame::new(&parsed, MAX_COEFFICIENT_BYTES).ok().map(|frame| [frame.bytes(), pixels]);
             }
             0xC4 | 0xDB | 0xDD | 0xE0..=0xEF | 0xFE => {
                 std::io::copy(&mut input.take(length), &mut std::io::sink()).ok()?;

@@ -7,20 +7,18 @@ use crate::progress::Bars;
 use crate::shared::{self, Input, Machine};
 use anyhow::{Context, Result};
 use clap::ValueEnum;
-use lodestream::encode::{self, EncodeOptions, EncodeReport, Encoded, ImageReport, Progress, Schedule, Stage};
+use lodestream::encode::{self, EncodeOptions, EncodeReport, Encoded, ImageReport, Progress, Stage};
 use lodestream::lattice::Quantization;
 use lodestream::quantizer::Precision;
 use lodestream::read::{DropSet, ReadMesh, ReadOptions};
 use lodestream::recompress::preview::{Previews, add_previews};
 use lodestream::recompress::{Recompressed, Sampling, Textures, recompress};
-use lodestream::schedule::{self, Effort, Scheduled};
+use lodestream::schedule::{self, Effort, Order, Scheduled};
 use lodestream::texture::{Exactness, Odd, Way};
 use lodestream::trace::Trace;
 use serde_json::{Value, json};
-use std::fmt;
 use std::io::{BufWriter, Write};
 use std::path::PathBuf;
-use std::str::FromStr;
 use std::time::Instant;
 
 #[derive(clap::Args)]
@@ -145,39 +143,6 @@ struct ImageArgs {
     /// Small pictures that stand in for images until their first piece is there: auto, for images that are large enough, or none
     #[arg(long, value_name = "WHICH", default_value_t)]
     previews: Previews,
-}
-
-/// An order of chunks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Order {
-    Fixed(Schedule),
-    Quality,
-}
-
-impl Default for Order {
-    fn default() -> Self {
-        Order::Fixed(Schedule::default())
-    }
-}
-
-impl fmt::Display for Order {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Order::Fixed(schedule) => schedule.fmt(f),
-            Order::Quality => f.write_str("quality"),
-        }
-    }
-}
-
-impl FromStr for Order {
-    type Err = String;
-
-    fn from_str(name: &str) -> Result<Self, String> {
-        if name == "quality" {
-            return Ok(Order::Quality);
-        }
-        name.parse().map(Order::Fixed).map_err(|why| format!("{why}, or quality"))
-    }
 }
 
 impl ImageArgs {

@@ -115,6 +115,21 @@ pub(super) fn counts(doc: &Value, mut distinct: impl FnMut(&Value) -> Option<u64
     s
 }
 
+/// The images that pictures show: those of colours.
+pub(crate) fn drawn_images(materials: &[Value], textures: &[Value]) -> BTreeSet<u64> {
+    let mut drawn = BTreeSet::new();
+    for material in materials {
+        let glossy = &material["extensions"]["KHR_materials_pbrSpecularGlossiness"];
+        for colours in [&material["pbrMetallicRoughness"]["baseColorTexture"], &glossy["diffuseTexture"]] {
+            let number = colours["index"].as_u64().and_then(|n| usize::try_from(n).ok());
+            let Some(texture) = number.and_then(|n| textures.get(n)) else { continue };
+            let extensions = texture["extensions"].as_object().into_iter().flat_map(|e| e.values());
+            drawn.extend(std::iter::once(texture).chain(extensions).filter_map(|t| t["source"].as_u64()));
+        }
+    }
+    drawn
+}
+
 /// Survey a document of which the binary chunk, if any, lies in the same stream; other buffers are looked for in `folder`.
 pub(super) fn survey(input: &mut (impl Read + Seek), size: u64, folder: Option<&Path>) -> io::Result<Survey> {
     let Some((doc, chunk, length)) = document(input, size)? else {
@@ -143,7 +158,9 @@ pub(super) fn survey(input: &mut (impl Read + Seek), size: u64, folder: Option<&
             _ => None,
         }
     });
-    for image in doc.get("images").and_then(Value::as_array).into_iter().flatten() {
+    let list = |name: &str| doc.get(name).and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
+    let drawn = drawn_images(list("materials"), list("textures"));
+    for (number, image) in list("images").iter().enumerate() {
         let told = int(image, "bufferView").and_then(|view| {
             let view = item(&doc, "bufferViews", view)?;
             let (start, bytes) = (int(view, "byteOffset").unwrap_or(0), int(view, "byteLength")?);
@@ -162,7 +179,8 @@ pub(super) fn survey(input: &mut (impl Read + Seek), size: u64, folder: Option<&
                 _ => None,
             }
         });
-        s.working = s.working.max(told.unwrap_or_default());
+        let told = told.unwrap_or_default();
+        s.working = s.working.and(if drawn.contains(&(number as u64)) { told } else { told.unseen() });
     }
     s.document = length;
     s.unpacked = size.saturating_add(outside);
