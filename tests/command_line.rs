@@ -4,7 +4,7 @@ mod common;
 
 use common::{Scratch, lodestream, lodestream_with};
 use lodestream::generate;
-use lodestream::mesh::Mesh;
+use lodestream::mesh::{Image, Layer, LayerKind, Mesh, Stored};
 use lodestream::read::{self, ReadOptions};
 use lodestream::write::{self, WriteOptions};
 use serde_json::Value;
@@ -620,6 +620,57 @@ fn render_draws_levels() {
 }
 
 #[test]
+fn report_measures_pieces_of_images_too() {
+    let scratch = Scratch::new("report-textured");
+    let folder = scratch.folder();
+    let mut mesh = generate::asteroid(8, 3);
+    mesh.layers = vec![Layer {
+        name: "TEXCOORD_0".into(),
+        kind: LayerKind::Uv,
+        width: 2,
+        stored: Stored::F32,
+        values: mesh.positions.iter().flat_map(|p| [0.5 + 0.4 * p[0], 0.5 + 0.4 * p[1]]).collect(),
+        corners: mesh.corners.clone(),
+        isolated: Vec::new(),
+    }];
+    mesh.material = vec![0; mesh.face_count()];
+    let side = 320u32;
+    let pixels = (0..side * side).flat_map(|i| {
+        let (x, y) = (i % side, i / side);
+        [(x * y / 97) as u8, (x / 3 + i * 7919 % 13) as u8, (128 + y / 4) as u8]
+    });
+    let pixels: Vec<u8> = pixels.collect();
+    let mut bytes = Vec::new();
+    jpeg_encoder::Encoder::new(&mut bytes, 92)
+        .encode(&pixels, side as u16, side as u16, jpeg_encoder::ColorType::Rgb)
+        .unwrap();
+    mesh.appearance.materials = vec![r#"{"pbrMetallicRoughness":{"baseColorTexture":{"index":0}}}"#.into()];
+    mesh.appearance.textures = vec![r#"{"source":0}"#.into()];
+    mesh.appearance.images = vec![Image { name: "c".into(), mime: "image/jpeg".into(), bytes, ..Image::default() }];
+    save(&mesh, &scratch.path("rock.glb"));
+    let looks = "--samples 300 --views 2 --size 176 --levels 30 --json";
+    for order in ["texture-first", "quality --schedule-effort low"] {
+        let words = format!("report rock.glb -o out {looks} --schedule {order}");
+        let json = lodestream(folder, &words).json();
+        let file = &json["files"][0];
+        let rows = file["levels"].as_array().unwrap();
+        let all = number(&file["image_bytes"]);
+        assert!(all > 0.0 && number(&rows[0]["image_bytes"]) == 0.0, "{file}");
+        let last = rows.last().unwrap();
+        assert_eq!((number(&last["image_bytes"]), number(&last["bytes"])), (all, number(&file["bytes"])));
+        assert!(number(&last["ms_ssim"]) > 0.95, "{last}");
+        // There are prefixes of one level that differ in their images alone; they have one shape.
+        let pairs: Vec<_> = rows.windows(2).filter(|w| w[0]["level"] == w[1]["level"]).collect();
+        assert!(pairs.iter().any(|w| number(&w[0]["image_bytes"]) < number(&w[1]["image_bytes"])), "{order}: {file}");
+        assert!(pairs.iter().all(|w| w[0]["mean"] == w[1]["mean"]));
+        assert!(number(&file["bits_by_kind"]["images"]) > 0.0);
+        assert_eq!(file["seconds"]["order"].is_number(), order.starts_with("quality"));
+        let page = std::fs::read_to_string(scratch.path("out/report.html")).unwrap();
+        assert!(page.contains("of images,") || page.contains("of images<br>"), "the strip says what is there");
+    }
+}
+
+#[test]
 fn report_is_one_page_and_its_data() {
     let scratch = rock("report");
     let words = "report rock.ply rock.lods -o out --levels 4 --samples 500 --views 2 --size 176 --json";
@@ -643,6 +694,7 @@ fn report_is_one_page_and_its_data() {
     assert!(number(&files[0]["bits_by_kind"]["geometry"]) > 0.0);
     let page = std::fs::read_to_string(scratch.path("out/report.html")).unwrap();
     assert_eq!(page.matches("<polyline").count(), 8, "four charts, two files");
+    assert!(!page.contains("of images,") && page.contains("What each prefix is worth"));
     // Nothing is fetched from anywhere.
     assert!(!page.contains("http") && !page.contains("src=\"/") && page.contains("data:image/png;base64,"));
     let data: Value = serde_json::from_slice(&std::fs::read(scratch.path("out/report.json")).unwrap()).unwrap();

@@ -48,7 +48,15 @@ impl<'a> Stage<'a> {
             memory_limit: options.memory_limit,
             shown: Vec::new(),
             whole: None,
-            images: Images { file, front, previews, kept: BTreeMap::new(), bytes: 0, most: options.image_cache, turn: 0 },
+            images: Images {
+                file,
+                front,
+                previews,
+                kept: BTreeMap::new(),
+                bytes: 0,
+                most: options.image_cache,
+                turn: 0,
+            },
             drawn: 0,
         };
         if front.header().attributes.images == 0 {

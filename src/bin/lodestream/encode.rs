@@ -125,7 +125,7 @@ impl PrecisionArgs {
 
 /// How images are carried, and where.
 #[derive(clap::Args)]
-struct ImageArgs {
+pub struct ImageArgs {
     /// Give images back byte by byte; otherwise baseline JPEG comes back progressive, with the same pixels and metadata
     #[arg(long)]
     exact_images: bool,
@@ -139,27 +139,34 @@ struct ImageArgs {
     /// What becomes of images that are no JPEG: keep, byte by byte; jpeg, which is much smaller and not exact, at a quality that looks the
     /// same; or jpeg:QUALITY, as in jpeg:90 [default: jpeg; keep with --exact-images]
     #[arg(long, value_name = "WHAT")]
-    texture: Option<Textures>,
+    pub texture: Option<Textures>,
     /// Small pictures that stand in for images until their first piece is there: auto, for images that are large enough, or none
     #[arg(long, value_name = "WHICH", default_value_t)]
-    previews: Previews,
+    pub previews: Previews,
 }
 
 impl ImageArgs {
-    fn texture(&self) -> Textures {
+    /// What becomes of images that are no JPEG.
+    pub fn texture(&self) -> Textures {
         self.texture.unwrap_or(Textures::beside(exactness(self.exact_images)))
     }
 
-    fn set(&self, options: &mut EncodeOptions) {
+    /// Set the encoder's options.
+    pub fn set(&self, options: &mut EncodeOptions) {
         options.images = exactness(self.exact_images);
         if let Order::Fixed(schedule) = self.schedule {
             options.schedule = schedule;
         }
     }
 
+    /// Whether a finished file is to be put in the order by quality.
+    pub fn by_quality(&self) -> bool {
+        self.schedule == Order::Quality
+    }
+
     /// Put a finished file in the order by quality, where that is asked for.
-    fn order(&self, encoded: &mut Encoded, memory_limit: Option<u64>, bars: &Bars) -> Result<Option<Ordered>> {
-        if self.schedule != Order::Quality {
+    pub fn order(&self, encoded: &mut Encoded, memory_limit: Option<u64>, bars: &Bars) -> Result<Option<Ordered>> {
+        if !self.by_quality() {
             return Ok(None);
         }
         let clock = Instant::now();
@@ -179,7 +186,7 @@ pub fn exactness(bytes: bool) -> Exactness {
 }
 
 /// What the order by quality came to; the file itself has been taken.
-struct Ordered {
+pub struct Ordered {
     scheduled: Scheduled,
     seconds: f64,
 }

@@ -1,4 +1,4 @@
-//! The numbers of a report: encode, decode level by level, measure.
+//! The numbers of a report: encode, decode prefix by prefix, measure.
 
 use super::Args;
 use crate::decode;
@@ -7,23 +7,25 @@ use crate::encode::stage_name;
 use crate::model;
 use crate::progress::Bars;
 use crate::shared;
-use crate::stream::Stream;
 use anyhow::{Context, Result, bail};
+use lodestream::container::{ChunkInfo, Front, Kind, Parsed};
+use lodestream::decode::{Decoder, Step};
 use lodestream::encode::{self, EncodeOptions, Progress};
 use lodestream::lattice::Quantization;
 use lodestream::mesh::Mesh;
 use lodestream::picture::{Picture, Scene, Shading, View};
 use lodestream::quality::{self, Geometry, Sampled, Weights};
 use lodestream::read::ReadOptions;
+use lodestream::recompress::preview::add_previews;
+use lodestream::recompress::recompress;
 use serde_json::{Value, json};
-use std::io::Cursor;
 use std::path::Path;
 use std::time::Instant;
 
 /// Pixels of a picture's side in the strip.
 const STRIP: u32 = 260;
 
-/// A file and its levels.
+/// A file and its prefixes.
 pub struct Subject {
     pub name: String,
     pub vertices: usize,
@@ -35,14 +37,19 @@ pub struct Subject {
     /// Seconds by stage.
     pub stages: Vec<(&'static str, f64)>,
     pub levels: Vec<Measured>,
+    /// Bytes of images in the whole file.
+    pub images: u64,
     pub warnings: Vec<String>,
     /// The device that drew the pictures.
     pub drawn_by: String,
 }
 
-/// A level and what it is worth.
+/// A prefix, that ends with a level or a piece of an image, and what it is worth.
 pub struct Measured {
+    /// The finest level that is whole.
     pub level: u32,
+    /// Bytes of images that are there.
+    pub images: u64,
     pub vertices: usize,
     pub faces: usize,
     pub bytes: u64,
@@ -59,9 +66,10 @@ impl Subject {
         bytes as f64 * 8.0 / self.vertices.max(1) as f64
     }
 
-    /// A distance as a part of the diagonal.
+    /// A distance as a part of the diagonal. What rounding leaves of none is none.
     pub fn relative(&self, distance: f64) -> f64 {
-        if self.diagonal > 0.0 { distance / self.diagonal } else { 0.0 }
+        let part = if self.diagonal > 0.0 { distance / self.diagonal } else { 0.0 };
+        if part < 1e-13 { 0.0 } else { part }
     }
 }
 
@@ -77,6 +85,7 @@ pub fn measure(path: &Path, args: &Args, threads: usize, bars: &Bars) -> Result<
         kinds: Vec::new(),
         stages: Vec::new(),
         levels: Vec::new(),
+        images: 0,
         warnings: Vec::new(),
         drawn_by: String::new(),
     };
@@ -87,16 +96,30 @@ pub fn measure(path: &Path, args: &Args, threads: usize, bars: &Bars) -> Result<
         let options = ReadOptions { memory_limit: args.machine.memory_limit, ..ReadOptions::default() };
         let mesh = shared::read_mesh(path, None, &options)?.mesh;
         let read = shared::seconds(clock);
-        let options =
+        let mut options =
             EncodeOptions { quantization: Quantization::Bits(args.position_bits), ..EncodeOptions::default() };
+        args.images.set(&mut options);
+        // What goes in loses nothing: the source stays what it was.
+        let mut changed = mesh.clone();
+        for image in recompress(&mut changed.appearance, args.images.texture()) {
+            subject.warnings.push(image.to_string());
+        }
+        add_previews(&mut changed.appearance, args.images.previews);
         let progress = |p: Progress| bars.show(stage_name(p.stage), p.done, p.total);
-        let encoded = encode::encode(&mesh, &options, &progress).with_context(|| path.display().to_string())?;
+        let mut encoded = encode::encode(&changed, &options, &progress).with_context(|| path.display().to_string())?;
+        drop(changed);
+        let clock = Instant::now();
+        args.images.order(&mut encoded, args.machine.memory_limit, bars).with_context(|| path.display().to_string())?;
+        let order = shared::seconds(clock);
         let (report, bits) = (&encoded.report, &encoded.report.bits);
         subject.kinds = vec![
             ("connectivity", bits.connectivity),
             ("geometry", bits.geometry),
             ("points", bits.points),
             ("aside", bits.aside),
+            ("attributes", bits.attributes),
+            ("materials", bits.appearance),
+            ("images", bits.images),
             ("header", bits.header),
         ];
         subject.kinds.retain(|k| k.1 > 0.0);
@@ -106,7 +129,9 @@ pub fn measure(path: &Path, args: &Args, threads: usize, bars: &Bars) -> Result<
             ("select", report.select_seconds),
             ("collapse", report.collapse_seconds),
             ("encode", report.encode_seconds),
+            ("order", order),
         ];
+        subject.stages.retain(|s| s.0 != "order" || args.images.by_quality());
         (mesh, encoded.bytes)
     };
     if source.vertex_count() == 0 {
@@ -127,51 +152,74 @@ fn levels(source: &Mesh, bytes: Vec<u8>, args: &Args, pen: &Pen, bars: &Bars, su
     let sampled = Sampled::new(source);
     let options = args.sampling.options();
     let mut looks = (args.looks.views > 0).then(|| Looks::new(source, pen, args.looks.options())).transpose()?;
-    subject.warnings = looks.as_ref().map_or_else(Vec::new, |s| s.warnings().to_vec());
+    subject.warnings.extend(looks.as_ref().map_or_else(Vec::new, |s| s.warnings().to_vec()));
     let view = View::front(source);
-    let mut stream = Stream::new(subject.name.clone(), Box::new(Cursor::new(bytes)))?;
-    let front = stream.front().clone();
-    let full = front.full_level();
-    let wanted =
-        spread(&(0..=full).map(|l| front.prefix_bytes(l).unwrap_or(0)).collect::<Vec<u64>>(), args.levels.into());
-    let mut measured = Vec::new();
-    let mut measuring = 0.0;
-    let quiet = Bars::new(false);
-    let clock = Instant::now();
-    let reached = stream.decode(full, decode::options(args.machine.memory_limit), &quiet, |level, decoder| {
-        if !wanted.contains(&level) {
-            return Ok(());
+    let front = match Front::parse(&bytes)? {
+        Parsed::Ready(front) => front,
+        Parsed::NeedBytes(_) => bail!("the front of the file is not whole"),
+    };
+    let stops = stops(&front, args.levels.into());
+    let mut decoder = Decoder::new(decode::options(args.machine.memory_limit));
+    let (mut given, mut decoding) = (0, 0.0);
+    let mut geometry: Option<(u32, Geometry)> = None;
+    for &stop in &stops {
+        let clock = Instant::now();
+        let end = usize::try_from(stop)?.min(bytes.len());
+        decoder.push(&bytes[given..end]);
+        given = end;
+        while let Step::Level(_) = decoder.next_level()? {}
+        if stop == front.total_bytes() {
+            decoder.finish()?;
         }
+        let Some(level) = decoder.level() else { bail!("the coarsest level is not whole after {stop} bytes") };
         let mesh = decoder.to_mesh();
-        let decode_seconds = clock.elapsed().as_secs_f64() - measuring;
-        let pause = Instant::now();
-        let other = Sampled::new(&mesh);
+        decoding += clock.elapsed().as_secs_f64();
+        // Pieces of images leave the shape as it is.
+        let measured = match geometry {
+            Some((same, known)) if same == level => known,
+            _ => quality::geometry_of(&sampled, &Sampled::new(&mesh), &options),
+        };
+        geometry = Some((level, measured));
         let ms_ssim = looks.as_mut().map(|l| l.compare(&mesh)).transpose()?.map(|look| look.ms_ssim);
-        measured.push(Measured {
+        subject.levels.push(Measured {
             level,
+            images: chunks_until(&front, stop).filter(|c| c.kind == Kind::Image).map(|c| c.length).sum(),
             vertices: mesh.vertex_count(),
             faces: mesh.face_count(),
-            bytes: front.prefix_bytes(level).unwrap_or(0),
+            bytes: stop,
             bound: front.header().error(level).filter(|e| e.is_finite()),
-            geometry: quality::geometry_of(&sampled, &other, &options),
+            geometry: measured,
             ms_ssim,
-            decode_seconds,
+            decode_seconds: decoding,
             picture: pen.renderer().draw(&Scene::new(&mesh, Shading::Flat), &view, STRIP, STRIP),
         });
-        measuring += pause.elapsed().as_secs_f64();
-        bars.show("measure", measured.len() as u64, wanted.len() as u64);
-        Ok(())
-    })?;
-    if let Some(cut) = reached.cut {
-        return Err(cut.into());
+        bars.show("measure", subject.levels.len() as u64, stops.len() as u64);
     }
-    subject.stages.push(("decode", reached.decode_time.as_secs_f64() - measuring));
-    subject.levels = measured;
+    subject.images = front.chunks().iter().filter(|c| c.kind == Kind::Image).map(|c| c.length).sum();
+    subject.stages.push(("decode", decoding));
     Ok(())
 }
 
-/// About `count` levels, evenly spread over the orders of their sizes; the finest and the coarsest among them. Levels that come with
-/// the same bytes count as the finest of them.
+/// The chunks that are whole after so many bytes.
+fn chunks_until(front: &Front, bytes: u64) -> impl Iterator<Item = &ChunkInfo> {
+    front.chunks().iter().take(front.whole_chunks(bytes))
+}
+
+/// About `count` prefixes, evenly spread over the orders of their sizes; the first that shows something and the whole file among them. Each ends
+/// with a level or with an image that is better than before.
+fn stops(front: &Front, count: usize) -> Vec<u64> {
+    let Some(first) = front.prefix_bytes(0) else { return Vec::new() };
+    let levels = (0..=front.full_level()).filter_map(|l| front.prefix_bytes(l));
+    let pictures = front.chunks().iter().filter(|c| matches!(c.kind, Kind::Image | Kind::Preview)).map(ChunkInfo::end);
+    let mut ends: Vec<u64> = levels.chain(pictures).filter(|&end| end >= first).collect();
+    ends.push(front.total_bytes());
+    ends.sort_unstable();
+    ends.dedup();
+    spread(&ends, count).into_iter().map(|i| ends[i as usize]).collect()
+}
+
+/// About `count` of these sizes, by their numbers, evenly spread over the orders of size; the largest and the smallest among them. Equal
+/// ones count as the last of them.
 fn spread(bytes: &[u64], count: usize) -> Vec<u32> {
     let mut candidates: Vec<usize> = (0..bytes.len()).filter(|&l| bytes.get(l + 1) != Some(&bytes[l])).collect();
     let (Some(&first), Some(&last)) = (candidates.first(), candidates.last()) else { return Vec::new() };
@@ -195,6 +243,7 @@ pub fn json(subjects: &[Subject], args: &Args, threads: usize) -> Value {
     let level = |s: &Subject, l: &Measured| {
         json!({
             "level": l.level,
+            "image_bytes": l.images,
             "vertices": l.vertices,
             "faces": l.faces,
             "bytes": l.bytes,
@@ -221,6 +270,7 @@ pub fn json(subjects: &[Subject], args: &Args, threads: usize) -> Value {
             "vertices": s.vertices,
             "faces": s.faces,
             "bytes": s.bytes,
+            "image_bytes": s.images,
             "bits_per_vertex": s.rate(s.bytes),
             "diagonal": s.diagonal,
             "bits_by_kind": pairs(&s.kinds),

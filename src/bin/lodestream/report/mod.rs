@@ -1,4 +1,4 @@
-//! `lodestream report`: what each level of a file costs and is worth, on one page that opens anywhere.
+//! `lodestream report`: what each prefix of a file costs and is worth, on one page that opens anywhere.
 
 mod chart;
 mod measure;
@@ -7,6 +7,7 @@ mod page;
 use crate::Outcome;
 use crate::compare::{Looks, Sampling};
 use crate::draw::DrawArgs;
+use crate::encode::ImageArgs;
 use crate::output::Output;
 use crate::progress::Bars;
 use crate::shared::{self, Machine};
@@ -21,9 +22,10 @@ Examples:
   lodestream report scan.ply -o report
   lodestream report horse.ply bunny.ply -o curves --levels 20 --views 0
   lodestream report old.lods new.lods -o versions
+  lodestream report helmet.glb -o helmet --schedule quality
 
-Writes report.html, a page without anything outside it, and report.json with the same numbers. A mesh is encoded first; a .lods
-file is measured against its own full level.")]
+Writes report.html, a page without anything outside it, and report.json with the same numbers. A mesh is encoded first, with its
+images as the options say; a .lods file is measured against all of itself.")]
 pub struct Args {
     /// Meshes and .lods files; their curves are drawn over each other
     #[arg(value_name = "IN", required = true)]
@@ -31,12 +33,14 @@ pub struct Args {
     /// The folder to write to; made where it is missing
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// Levels to measure, spread evenly over the orders of size
+    /// Prefixes to measure, spread evenly over the orders of size; each ends with a level or with a piece of an image
     #[arg(long, value_name = "N", default_value_t = 14, value_parser = clap::value_parser!(u16).range(2..))]
     levels: u16,
     /// Bits per coordinate for meshes, 1 to 21
     #[arg(long, value_name = "BITS", default_value_t = 12, value_parser = clap::value_parser!(u8).range(1..=21))]
     position_bits: u8,
+    #[command(flatten)]
+    images: ImageArgs,
     #[command(flatten)]
     sampling: Sampling,
     #[command(flatten)]
@@ -76,7 +80,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
             shared::print(&shared::table(&[
                 ("page", page.display().to_string()),
                 ("data", data.display().to_string()),
-                ("levels", format!("{levels} of {} files", subjects.len())),
+                ("prefixes", format!("{levels} of {} files", subjects.len())),
                 ("seconds", format!("{:.1}", shared::seconds(start))),
             ]))?;
         }

@@ -44,8 +44,8 @@ pub fn html(subjects: &[Subject], args: &Args) -> Result<String> {
     // Writing into a string cannot fail, here and below.
     let _ = writeln!(
         out,
-        "<h1>What each level is worth</h1><p class=\"dim\">lodestream {}; distances are the larger of both directions, as parts of the \
-         bounding box's diagonal, from {} samples on faces, as many along edges, and vertices; size is of all bytes up to the level{}.</p>",
+        "<h1>What each prefix is worth</h1><p class=\"dim\">lodestream {}; distances are the larger of both directions, as parts of the \
+         bounding box's diagonal, from {} samples on faces, as many along edges, and vertices; size is of all bytes from the beginning of the file{}.</p>",
         env!("CARGO_PKG_VERSION"),
         shared::thousands(args.sampling.options().samples as u64),
         if args.looks.views > 0 {
@@ -114,9 +114,10 @@ fn colour(i: usize) -> &'static str {
 
 fn point(s: &Subject, l: &Measured, value: f64) -> String {
     format!(
-        "level {}, {} vertices, {} ({:.2} bits per vertex): {}",
+        "level {}, {} vertices{}, {} ({:.2} bits per vertex): {}",
         l.level,
         shared::thousands(l.vertices as u64),
+        images(s, l),
         shared::human_bytes(l.bytes),
         s.rate(l.bytes),
         number(value)
@@ -130,32 +131,42 @@ fn strip(out: &mut String, s: &Subject) -> Result<()> {
         l.picture.write_png(&mut png)?;
         let _ = write!(
             out,
-            "<div><img alt=\"level {0}\" src=\"data:image/png;base64,{1}\">level {0}: {2} vertices<br><em>{3}, {4:.2} bits per vertex</em></div>",
+            "<div><img alt=\"level {0}\" src=\"data:image/png;base64,{1}\">level {0}: {2} vertices{5}<br><em>{3}, {4:.2} bits per vertex</em></div>",
             l.level,
             base64::engine::general_purpose::STANDARD.encode(&png),
             shared::thousands(l.vertices as u64),
             shared::human_bytes(l.bytes),
-            s.rate(l.bytes)
+            s.rate(l.bytes),
+            images(s, l)
         );
     }
     out.push_str("</div>\n");
     Ok(())
 }
 
+/// How much of the images is there, where there are any.
+fn images(s: &Subject, l: &Measured) -> String {
+    match s.images {
+        0 => String::new(),
+        all => format!(", {} of {} of images", shared::human_bytes(l.images), shared::human_bytes(all)),
+    }
+}
+
 fn table(out: &mut String, s: &Subject) {
     out.push_str(
-        "<div class=\"wide\"><table><tr><th>level</th><th>vertices</th><th>faces</th><th>bytes</th><th>bits/vertex</th>\
+        "<div class=\"wide\"><table><tr><th>level</th><th>vertices</th><th>faces</th><th>bytes</th><th>of images</th><th>bits/vertex</th>\
          <th>mean × 10⁴</th><th>rms × 10⁴</th><th>max × 10⁴</th><th>bound × 10⁴</th><th>MS-SSIM</th><th>decoded after</th></tr>\n",
     );
     for l in &s.levels {
         let parts = |d: f64| number(1e4 * s.relative(d));
         let _ = writeln!(
             out,
-            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.2}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.3} s</td></tr>",
+            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.2}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.3} s</td></tr>",
             l.level,
             shared::thousands(l.vertices as u64),
             shared::thousands(l.faces as u64),
             shared::thousands(l.bytes),
+            shared::thousands(l.images),
             s.rate(l.bytes),
             parts(l.geometry.mean()),
             parts(l.geometry.rms()),
