@@ -16,6 +16,7 @@ use super::{DropSet, Format, GZIP, ply};
 use crate::mesh::LayerKind;
 use crate::texture::Working;
 use distinct::Distinct;
+#[cfg(feature = "ingest")]
 pub(crate) use gltf::drawn_images;
 
 /// The kinds of layers in the order in which a survey counts them.
