@@ -159,12 +159,28 @@ pub struct Device {
 /// Adapters of the same binding size as what the kernels need at least.
 const LEAST_BINDING: u64 = 1 << 20;
 
+/// Whether there may be a real GPU, without asking drivers: loading a software one, which nobody asked for, takes 60 MB and a quarter of a second.
+#[cfg(target_os = "linux")]
+fn hardware() -> bool {
+    // Of the kernel's own drivers, NVIDIA's, the subsystem of Windows, and two of phones.
+    let nodes = ["dri", "nvidiactl", "nvidia0", "dxg", "kgsl-3d0", "mali0"];
+    nodes.iter().any(|node| std::path::Path::new("/dev").join(node).exists())
+}
+
+#[cfg(not(target_os = "linux"))]
+fn hardware() -> bool {
+    true
+}
+
 impl Device {
     /// Open the device that is meant.
     ///
     /// # Errors
     /// [`DeviceError`]: there is none, it refuses, it is too small, it does not answer by the deadline.
     pub fn open(choice: &DeviceChoice, options: DeviceOptions) -> Result<Device, DeviceError> {
+        if *choice == DeviceChoice::Auto && !hardware() {
+            return Err(DeviceError::None { software: false });
+        }
         let choice = choice.clone();
         by_deadline(options.deadline, move || Device::open_here(&choice, options))
             .unwrap_or_else(|| Err(late("the driver", &options)))
