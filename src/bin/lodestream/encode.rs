@@ -123,19 +123,19 @@ impl PrecisionArgs {
     }
 }
 
-/// How images are carried, and where.
+/// How images are carried, and where; of `ingest` and `report` too.
 #[derive(clap::Args)]
 pub struct ImageArgs {
     /// Give images back byte by byte; otherwise baseline JPEG comes back progressive, with the same pixels and metadata
     #[arg(long)]
     exact_images: bool,
-    /// What comes first in the file, behind the coarsest level and the coarsest previews: mesh-first, texture-first, linear (both in turns), or quality, which looks at pictures of the
-    /// model and finds the order in which every prefix of the file looks best
+    /// What comes first in a file, behind the coarsest level and the coarsest previews: mesh-first, texture-first, linear (both in turns), or
+    /// quality, which looks at pictures of the model and finds the order in which every prefix of the file looks best
     #[arg(long, value_name = "ORDER", default_value_t)]
-    schedule: Order,
-    /// How closely `--schedule quality` looks: low, normal or high (6, 12 or 42 views)
+    pub schedule: Order,
+    /// How closely the order by quality looks: low, normal or high (6, 12 or 42 views)
     #[arg(long, value_name = "EFFORT", default_value_t)]
-    schedule_effort: Effort,
+    pub schedule_effort: Effort,
     /// What becomes of images that are no JPEG: keep, byte by byte; jpeg, which is much smaller and not exact, at a quality that looks the
     /// same; or jpeg:QUALITY, as in jpeg:90 [default: jpeg; keep with --exact-images]
     #[arg(long, value_name = "WHAT")]
@@ -181,7 +181,7 @@ impl ImageArgs {
 }
 
 /// What comes back of images.
-pub fn exactness(bytes: bool) -> Exactness {
+fn exactness(bytes: bool) -> Exactness {
     if bytes { Exactness::Bytes } else { Exactness::Coefficients }
 }
 

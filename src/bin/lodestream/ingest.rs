@@ -2,14 +2,11 @@
 
 use crate::Outcome;
 use crate::device::DeviceArgs;
-use crate::encode::{LatticeArgs, PrecisionArgs, WeldArgs, exactness, stage_name};
+use crate::encode::{ImageArgs, LatticeArgs, PrecisionArgs, WeldArgs, stage_name};
 use crate::ingest_progress::{LogFormat, Watch};
 use crate::shared::{self, parse_size};
 use anyhow::{Result, anyhow};
 use lodestream::ingest::{self, DROP_NAMES, IngestError, OnError, Plan, Retries, Settings, Shard, Summary};
-use lodestream::recompress::Textures;
-use lodestream::recompress::preview::Previews;
-use lodestream::schedule::{Effort, Order};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -40,23 +37,8 @@ pub struct Args {
     lattice: LatticeArgs,
     #[command(flatten)]
     precision: PrecisionArgs,
-    /// Give images back byte by byte; otherwise baseline JPEG comes back progressive, with the same pixels and metadata
-    #[arg(long)]
-    exact_images: bool,
-    /// What comes first in the files, behind the coarsest level and previews: mesh-first, texture-first, linear (both in turns), or quality, which looks at pictures of each
-    /// model and finds the order in which every prefix of its file looks best
-    #[arg(long, value_name = "ORDER", default_value_t)]
-    schedule: Order,
-    /// How closely the order by quality looks, also where a manifest asks for it: low, normal or high (6, 12 or 42 views)
-    #[arg(long, value_name = "EFFORT", default_value_t)]
-    schedule_effort: Effort,
-    /// What becomes of images that are no JPEG: keep, byte by byte; jpeg, which is much smaller and not exact, at a quality that looks the
-    /// same; or jpeg:QUALITY, as in jpeg:90 [default: jpeg; keep with --exact-images]
-    #[arg(long, value_name = "WHAT")]
-    texture: Option<Textures>,
-    /// Small pictures that stand in for images until their first piece is there: auto, for images that are large enough, or none
-    #[arg(long, value_name = "WHICH", default_value_t)]
-    previews: Previews,
+    #[command(flatten)]
+    images: ImageArgs,
     /// Never move a vertex of a border, so that tiles fit at every level
     #[arg(long)]
     lock_borders: bool,
@@ -134,14 +116,14 @@ pub fn run(args: &Args) -> Result<Outcome> {
     plan.settings = Settings {
         encode: args.precision.options(args.lattice.quantization(), args.lock_borders),
         weld: args.weld.choice(),
-        effort: args.schedule_effort,
+        effort: args.images.schedule_effort,
         drop: ingest::drop_set(args.drop.iter().map(String::as_str)).unwrap_or_default(),
         by_quality: false,
-        textures: args.texture.unwrap_or(Textures::beside(exactness(args.exact_images))),
-        previews: args.previews,
+        textures: args.images.texture(),
+        previews: args.images.previews,
     };
-    plan.settings.encode.images = exactness(args.exact_images);
-    plan.settings.set_order(args.schedule);
+    args.images.set(&mut plan.settings.encode);
+    plan.settings.set_order(args.images.schedule);
     plan.threads = args.threads.map_or(plan.threads, usize::from);
     plan.jobs = args.jobs.map_or(plan.threads, usize::from);
     plan.memory = args.memory.unwrap_or(plan.memory);
