@@ -5,10 +5,10 @@
 //! Everything starts the real program. Ratios of two runs on one machine mean something there even when it is busy;
 //! seconds alone do not.
 
-use lodestream::generate;
+use lodestream::io::read::{DropSet, Format, ReadOptions, read_bytes, survey};
+use lodestream::io::write::{WriteOptions, write_path, write_to};
 use lodestream::mesh::{Layer, LayerKind, Mesh, Stored};
-use lodestream::read::{DropSet, Format, ReadOptions, read_bytes, survey};
-use lodestream::write::{WriteOptions, write_path, write_to};
+use lodestream::samples;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -73,7 +73,7 @@ fn make(folder: &Path, count: u32, largest: u32) -> Vec<PathBuf> {
         let share = f64::from(i) / f64::from(generated.max(2) - 1);
         let size = 1000.0 * (f64::from(largest) / 1000.0).powf(share);
         let shape = shapes[i as usize % shapes.len()];
-        let mut mesh = generate::by_name(shape, size as u32, u64::from(i)).expect("a known shape");
+        let mut mesh = samples::by_name(shape, size as u32, u64::from(i)).expect("a known shape");
         if i % 4 == 3 {
             dress(&mut mesh, 1 + i / 4 % 7);
         }
@@ -269,9 +269,9 @@ fn reading(size: u32) {
     );
     let dragon = std::env::var("LODESTREAM_DATA").ok().and_then(|d| {
         let path = Path::new(&d).join("classic/dragon_vrip.ply.gz");
-        Some(lodestream::read::read_path(path, &ReadOptions::default()).ok()?.mesh)
+        Some(lodestream::io::read::read_path(path, &ReadOptions::default()).ok()?.mesh)
     });
-    let terrain = generate::terrain(size, 1);
+    let terrain = samples::terrain(size, 1);
     for (what, mesh) in [("terrain", Some(&terrain)), ("dragon", dragon.as_ref())] {
         let Some(mesh) = mesh else { continue };
         for (name, format) in [("OBJ", Format::Obj), ("PLY", Format::Ply), ("GLB", Format::Glb), ("STL", Format::Stl)] {

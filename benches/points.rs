@@ -2,8 +2,8 @@
 //!
 //! `cargo bench --bench points [-- FILE.xyz …]`: each line of a file holds three integers. Without files, synthetic sets.
 
-use lodestream::codec::points::code_points;
-use lodestream::codec::range::{Decoder, Encoder};
+use lodestream::format::coder::range::{Decoder, Encoder};
+use lodestream::format::points::code_points;
 use std::time::Instant;
 
 fn noise(state: &mut u64) -> i32 {

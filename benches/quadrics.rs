@@ -9,13 +9,13 @@
 //! With `LODESTREAM_DATA` it takes horse, bunny and armadillo, else (or with `--smoke`) a generated mesh; MESH is any file.
 #![allow(missing_docs)]
 
-use lodestream::decode::{DecodeOptions, Decoder, Step};
 use lodestream::encode::{EncodeOptions, encode};
-use lodestream::generate;
-use lodestream::lattice::{Lattice, Quantization};
+use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
+use lodestream::io::read::{ReadOptions, read_path};
 use lodestream::mesh::Mesh;
+use lodestream::mesh::lattice::{Lattice, Quantization};
 use lodestream::quality::{self, SampleOptions, Sampled, Weights};
-use lodestream::read::{ReadOptions, read_path};
+use lodestream::samples;
 use meshopt::{SimplifyOptions, VertexDataAdapter};
 use std::path::{Path, PathBuf};
 
@@ -35,7 +35,7 @@ fn main() {
     println!("|---|---|---|---|---|---|---|");
     let mut worst = [0.0f64; 2];
     if meshes.is_empty() {
-        worst = compare("generated", &generate::asteroid(if smoke { 24 } else { 80 }, 1), bits);
+        worst = compare("generated", &samples::asteroid(if smoke { 24 } else { 80 }, 1), bits);
     }
     for path in meshes {
         let name = path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());

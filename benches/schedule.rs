@@ -8,17 +8,17 @@
 #![allow(missing_docs)]
 
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
-use lodestream::container::{Front, Kind, Parsed, Preview};
-use lodestream::decode::{DecodeOptions, Decoder, Step};
+use lodestream::encode::quality_order::{Effort, Options, by_quality};
 use lodestream::encode::{EncodeOptions, Schedule, encode};
-use lodestream::generate;
+use lodestream::format::container::{Front, Kind, Parsed, Preview};
+use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
+use lodestream::image::preview::{Previews, add_previews};
+use lodestream::io::read::{ReadOptions, read_path};
+use lodestream::io::write::{WriteOptions, write_path};
 use lodestream::mesh::{Appearance, Image, Layer, LayerKind, Mesh, Stored};
-use lodestream::picture::{Cpu, Shading, Textures, decode};
+use lodestream::quality::picture::{Cpu, Shading, Textures, decode};
 use lodestream::quality::{Snapshots, ViewOptions};
-use lodestream::read::{ReadOptions, read_path};
-use lodestream::recompress::preview::{Previews, add_previews};
-use lodestream::schedule::{Effort, Options, by_quality};
-use lodestream::write::{WriteOptions, write_path};
+use lodestream::samples;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -216,7 +216,7 @@ fn draco(mesh: &Mesh) -> Option<u64> {
 
 /// A bumpy ball with a picture on it.
 fn ball(detail: u32, side: u16) -> Mesh {
-    let mut mesh = generate::asteroid(detail, 5);
+    let mut mesh = samples::asteroid(detail, 5);
     let values = mesh.positions.iter().flat_map(|p| {
         let up = p[2] / p.iter().map(|c| c * c).sum::<f64>().sqrt();
         [p[1].atan2(p[0]) / std::f64::consts::TAU + 0.5, 0.5 + 0.5 * up]

@@ -8,18 +8,18 @@
 
 use std::time::Instant;
 
-use lodestream::complex::{Faces, Star};
+use lodestream::encode::cost::{BoundScratch, Class, EdgeList, Gatherer, Patch, WeighInput, Weigher, hausdorff_bound};
+use lodestream::encode::cost::{Cpu, Engine, Evaluator, Fixed, Scale, SeamPatch, Task, seam_displacement};
+use lodestream::encode::simplify::{SelectInput, SelectOptions, select};
+use lodestream::encode::trace::Trace;
 use lodestream::encode::{EncodeOptions, encode_on};
-use lodestream::generate;
+use lodestream::format::complex::{Faces, Star};
 use lodestream::gpu::{
     Device, DeviceChoice, DeviceOptions, Distances, GpuWeights, devices, distances, seam_displacements,
 };
+use lodestream::io::read::{ReadOptions, read_path};
 use lodestream::mesh::Mesh;
-use lodestream::metric::{BoundScratch, Class, EdgeList, Gatherer, Patch, WeighInput, Weigher, hausdorff_bound};
-use lodestream::metric::{Cpu, Engine, Evaluator, Fixed, Scale, SeamPatch, Task, seam_displacement};
-use lodestream::read::{ReadOptions, read_path};
-use lodestream::simplify::{SelectInput, SelectOptions, select};
-use lodestream::trace::Trace;
+use lodestream::samples;
 use serde_json::{Value, json};
 
 /// Time this thread spent on a core, where the system says so (others may share the machine), else time that passed.
@@ -92,7 +92,7 @@ fn best(runs: usize, mut work: impl FnMut()) -> (f64, f64) {
 
 fn main() {
     let smoke = std::env::args().any(|a| a == "--smoke" || a == "--test");
-    let mut mesh = generate::sphere(if smoke { 10 } else { 200 }, 0.02, 1);
+    let mut mesh = samples::sphere(if smoke { 10 } else { 200 }, 0.02, 1);
     mesh.positions.iter_mut().for_each(|p| *p = p.map(|c| c * 2000.0));
     let mut meshes = vec![("noisy sphere", mesh)];
     if let Some(mesh) = dragon(smoke) {

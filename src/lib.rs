@@ -1,49 +1,29 @@
 //! lodestream: any polygon mesh into one progressive `.lods` stream, and back exactly.
 //!
-//! Data flows one way through the rooms of this crate:
-//! `read → complex → metric → simplify → codec → container`, with `write` beside, and the
-//! command line on top. Decoding needs [`mesh`], [`complex`], [`codec`] and [`container`] alone: no threads,
-//! clocks, files or floating-point decisions (`--no-default-features`).
+//! Data flows one way through the rooms of this crate: [`io`] reads a [`mesh`], [`encode`] simplifies it and writes the
+//! [`format`](mod@format), whose decoder gives every level back. [`image`](mod@image) takes images apart and puts them together,
+//! [`quality`] measures and draws, [`gpu`] does the heavy arithmetic of [`encode`] where there is a device, [`ingest`]
+//! runs all of it over folders and buckets. Lower rooms never import upper ones: `docs/design/rooms.md` has the table,
+//! and a test holds the imports against it. Decoding needs [`mesh`], [`image`](mod@image) and [`format`](mod@format) alone: no threads, clocks,
+//! files or floating-point decisions (`--no-default-features`).
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
-pub mod codec;
-pub mod compare;
-pub mod complex;
-pub mod container;
-pub mod decode;
 #[cfg(feature = "encode")]
 pub mod encode;
-#[cfg(feature = "samples")]
-pub mod generate;
+pub mod format;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+pub mod image;
 #[cfg(feature = "ingest")]
 pub mod ingest;
-pub mod lattice;
+#[cfg(feature = "formats")]
+pub mod io;
 pub mod mesh;
-mod par;
-#[cfg(feature = "images")]
-pub mod picture;
-#[cfg(feature = "quality")]
+mod parallel;
 pub mod quality;
-pub mod quantizer;
-#[cfg(all(feature = "encode", feature = "quality"))]
-pub mod schedule;
-
-#[cfg(feature = "encode")]
-pub mod metric;
-#[cfg(feature = "formats")]
-pub mod read;
-#[cfg(feature = "recompress")]
-pub mod recompress;
-#[cfg(feature = "encode")]
-pub mod simplify;
-pub mod texture;
-#[cfg(feature = "encode")]
-pub mod trace;
-#[cfg(feature = "formats")]
-pub mod write;
+#[cfg(feature = "samples")]
+pub mod samples;
 
 // The example of the README is a test.
 #[cfg(all(doctest, feature = "cli"))]

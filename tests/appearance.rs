@@ -4,10 +4,10 @@
 #[path = "common/small.rs"]
 mod small;
 
-use lodestream::complex::NONE;
-use lodestream::container::{Front, Kind, Parsed};
-use lodestream::decode::{DecodeError, DecodeOptions, Decoder, Step};
-use lodestream::generate::torus;
+use lodestream::format::complex::NONE;
+use lodestream::format::container::{Front, Kind, Parsed};
+use lodestream::format::decoder::{DecodeError, DecodeOptions, Decoder, Step};
+use lodestream::samples::torus;
 use small::{dress, file};
 
 fn front(bytes: &[u8]) -> Front {

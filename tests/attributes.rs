@@ -5,8 +5,8 @@ use std::fs;
 use std::path::Path;
 
 use base64::Engine as _;
+use lodestream::io::read::{DropSet, Format, ReadErrorKind, ReadMesh, ReadOptions, read_bytes, read_path};
 use lodestream::mesh::{Layer, LayerKind, Mesh, NO_VALUE, Stored};
-use lodestream::read::{DropSet, Format, ReadErrorKind, ReadMesh, ReadOptions, read_bytes, read_path};
 use serde_json::{Value, json};
 
 const PNG: &[u8] = b"\x89PNG\r\n\x1a\n and so on";

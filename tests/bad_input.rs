@@ -3,8 +3,8 @@
 mod common;
 
 use common::{Scratch, lodestream};
-use lodestream::generate;
-use lodestream::write::{self, WriteOptions};
+use lodestream::io::write::{self, WriteOptions};
+use lodestream::samples;
 
 /// Run, and expect failure in one line that begins with `lodestream: ` and holds nothing but `message`.
 #[track_caller]
@@ -127,7 +127,7 @@ fn an_output_that_was_there_survives_a_failure() {
 #[cfg(target_os = "linux")]
 fn a_full_disk_is_said_and_nothing_stays() {
     let s = Scratch::new("full");
-    write::write_path(s.path("m.ply"), &generate::terrain(3000, 1), None, &WriteOptions::default()).unwrap();
+    write::write_path(s.path("m.ply"), &samples::terrain(3000, 1), None, &WriteOptions::default()).unwrap();
     refused_like(&s, "encode m.ply -o /dev/full", "/dev/full: cannot be written: ", "No space left on device");
     lodestream(s.folder(), "encode m.ply -o m.lods").ok();
     std::os::unix::fs::symlink("/dev/full", s.path("full.obj")).unwrap();
@@ -138,7 +138,7 @@ fn a_full_disk_is_said_and_nothing_stays() {
 #[test]
 fn lods_files_that_are_wrong() {
     let s = Scratch::new("lods");
-    write::write_path(s.path("m.ply"), &generate::asteroid(6, 1), None, &WriteOptions::default()).unwrap();
+    write::write_path(s.path("m.ply"), &samples::asteroid(6, 1), None, &WriteOptions::default()).unwrap();
     lodestream(s.folder(), "encode m.ply -o m.lods").ok();
     let good = std::fs::read(s.path("m.lods")).unwrap();
     s.write("ply.lods", std::fs::read(s.path("m.ply")).unwrap());
@@ -187,7 +187,7 @@ fn lods_files_that_are_wrong() {
 #[test]
 fn no_flipped_bit_gives_another_mesh() {
     let s = Scratch::new("flips");
-    write::write_path(s.path("m.obj"), &generate::fan_book(5, 1, 1), None, &WriteOptions::default()).unwrap();
+    write::write_path(s.path("m.obj"), &samples::fan_book(5, 1, 1), None, &WriteOptions::default()).unwrap();
     lodestream(s.folder(), "encode m.obj -o m.lods").ok();
     lodestream(s.folder(), "decode m.lods -o good.obj").ok();
     let good = std::fs::read(s.path("m.lods")).unwrap();

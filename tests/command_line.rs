@@ -3,10 +3,10 @@
 mod common;
 
 use common::{Scratch, lodestream, lodestream_with};
-use lodestream::generate;
+use lodestream::io::read::{self, ReadOptions};
+use lodestream::io::write::{self, WriteOptions};
 use lodestream::mesh::{Image, Layer, LayerKind, Mesh, Stored};
-use lodestream::read::{self, ReadOptions};
-use lodestream::write::{self, WriteOptions};
+use lodestream::samples;
 use serde_json::Value;
 use std::path::Path;
 
@@ -21,7 +21,7 @@ fn load(path: &Path) -> Mesh {
 /// A folder with `rock.ply` and `rock.lods` in it.
 fn rock(name: &str) -> Scratch {
     let scratch = Scratch::new(name);
-    save(&generate::ringed_asteroid(12, 60, 1), &scratch.path("rock.ply"));
+    save(&samples::ringed_asteroid(12, 60, 1), &scratch.path("rock.ply"));
     lodestream(scratch.folder(), "encode rock.ply -o rock.lods").ok();
     scratch
 }
@@ -93,7 +93,7 @@ fn info_tells_the_lattice_the_levels_and_the_chunks() {
 #[test]
 fn decode_accounts_for_itself_in_json_and_keeps_polygons() {
     let scratch = Scratch::new("decode-json");
-    let mesh = generate::mixed(20, 20, 3);
+    let mesh = samples::mixed(20, 20, 3);
     save(&mesh, &scratch.path("in.obj"));
     lodestream(scratch.folder(), "encode in.obj -o in.lods").ok();
     let size = std::fs::metadata(scratch.path("in.lods")).unwrap().len();
@@ -165,7 +165,7 @@ fn levels_are_chosen_by_number_vertices_bytes_and_error() {
 #[test]
 fn a_map_makes_verification_complete() {
     let scratch = Scratch::new("map");
-    let mesh = generate::fan_book(9, 5, 2);
+    let mesh = samples::fan_book(9, 5, 2);
     save(&mesh, &scratch.path("book.obj"));
     lodestream(scratch.folder(), "encode book.obj -o book.lods --map book.map").ok();
     let map: Vec<usize> =
@@ -199,7 +199,7 @@ fn a_map_makes_verification_complete() {
 #[test]
 fn welding_is_per_format_and_can_be_chosen() {
     let scratch = Scratch::new("weld");
-    save(&generate::sphere(3, 0.1, 1), &scratch.path("ball.stl"));
+    save(&samples::sphere(3, 0.1, 1), &scratch.path("ball.stl"));
     let vertices = |options: &str| {
         let json =
             lodestream(scratch.folder(), &format!("encode ball.stl -o ball.lods --map ball.map --json {options}"))
@@ -215,7 +215,7 @@ fn welding_is_per_format_and_can_be_chosen() {
 fn lattices_can_be_given_so_that_tiles_share_borders() {
     let scratch = Scratch::new("tiles");
     // One sheet cut in two; both halves have the seam's vertices.
-    let sheet = generate::mixed(16, 8, 3);
+    let sheet = samples::mixed(16, 8, 3);
     for (name, keep) in [("left", [-1.0, 0.5]), ("right", [0.5, 2.0])] {
         let mut half = Mesh { positions: sheet.positions.clone(), ..Mesh::default() };
         let inside = |v: u32| (keep[0]..=keep[1]).contains(&sheet.positions[v as usize][0]);
@@ -623,7 +623,7 @@ fn render_draws_levels() {
 fn report_measures_pieces_of_images_too() {
     let scratch = Scratch::new("report-textured");
     let folder = scratch.folder();
-    let mut mesh = generate::asteroid(8, 3);
+    let mut mesh = samples::asteroid(8, 3);
     mesh.layers = vec![Layer {
         name: "TEXCOORD_0".into(),
         kind: LayerKind::Uv,

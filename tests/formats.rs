@@ -6,9 +6,9 @@ use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
+use lodestream::io::read::{Format, ReadErrorKind, ReadMesh, ReadOptions, read_bytes, read_from, read_path};
+use lodestream::io::write::{WriteOptions, write_path, write_to};
 use lodestream::mesh::{LayerKind, Mesh, NO_VALUE};
-use lodestream::read::{Format, ReadErrorKind, ReadMesh, ReadOptions, read_bytes, read_from, read_path};
-use lodestream::write::{WriteOptions, write_path, write_to};
 
 const TRIANGLE: &[u8] = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
 

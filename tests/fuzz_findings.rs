@@ -9,7 +9,7 @@ mod repair;
 use std::fs;
 use std::path::Path;
 
-use lodestream::read::{Format, ReadErrorKind, ReadOptions, read_bytes};
+use lodestream::io::read::{Format, ReadErrorKind, ReadOptions, read_bytes};
 
 #[test]
 fn findings_of_the_readers_stay_mended() {

@@ -7,7 +7,7 @@
 #[path = "common/small.rs"]
 mod small;
 
-use lodestream::decode::{DecodeOptions, Decoder, Step};
+use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
 use std::fs;
 use std::path::PathBuf;
 

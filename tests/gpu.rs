@@ -7,12 +7,12 @@
 mod common;
 
 use common::{Scratch, lodestream_in};
+use lodestream::encode::cost::{Cpu, Engine, EvaluateError, Evaluator, Fixed, Task};
+use lodestream::encode::trace::Trace;
 use lodestream::encode::{EncodeOptions, encode, encode_on};
-use lodestream::generate;
 use lodestream::gpu::{Device, DeviceChoice, DeviceOptions, GpuWeights};
-use lodestream::metric::{Cpu, Engine, EvaluateError, Evaluator, Fixed, Task};
-use lodestream::trace::Trace;
-use lodestream::write::{self, WriteOptions};
+use lodestream::io::write::{self, WriteOptions};
+use lodestream::samples;
 
 /// The name of software Vulkan, if it is there.
 fn software(test: &str) -> Option<Device> {
@@ -52,7 +52,7 @@ impl Evaluator for LostAfter {
 
 #[test]
 fn a_device_lost_at_any_level_changes_no_byte() {
-    let mesh = generate::ringed_asteroid(10, 20, 1);
+    let mesh = samples::ringed_asteroid(10, 20, 1);
     let whole = encode(&mesh, &EncodeOptions::default(), &|_| {}).unwrap();
     assert_eq!((whole.report.weighed_by.as_str(), &whole.report.fallback), ("cpu", &None));
     for levels in [0, 1, 2, 5, 11, 1000] {
@@ -69,7 +69,7 @@ fn a_device_lost_at_any_level_changes_no_byte() {
 fn software_vulkan_makes_the_same_file() {
     let Some(device) = software("software_vulkan_makes_the_same_file") else { return };
     let name = device.info().name.clone();
-    let mesh = generate::ringed_asteroid(12, 60, 1);
+    let mesh = samples::ringed_asteroid(12, 60, 1);
     let whole = encode(&mesh, &EncodeOptions::default(), &|_| {}).unwrap();
     let trace = Trace::on();
     let engine = Engine { evaluator: Box::new(GpuWeights::new(device).unwrap()), trace: trace.clone() };
@@ -100,7 +100,7 @@ fn a_level_stays_on_the_device_from_batch_to_batch() {
     // One evaluator for all: nothing of one mesh may be left for the next.
     let mut evaluator: Box<dyn Evaluator> = Box::new(GpuWeights::new(device).unwrap());
     for name in ["mixed", "soup", "crumbs", "torus"] {
-        let mesh = generate::by_name(name, 3000, 7).unwrap();
+        let mesh = samples::by_name(name, 3000, 7).unwrap();
         let by_cpu = encode(&mesh, &options, &|_| {}).unwrap();
         let trace = Trace::on();
         let lent = Lent::new(evaluator);
@@ -145,7 +145,7 @@ impl Evaluator for Lent {
 
 fn rock(name: &str) -> Scratch {
     let scratch = Scratch::new(name);
-    write::write_path(scratch.path("rock.ply"), &generate::ringed_asteroid(12, 60, 1), None, &WriteOptions::default())
+    write::write_path(scratch.path("rock.ply"), &samples::ringed_asteroid(12, 60, 1), None, &WriteOptions::default())
         .unwrap();
     lodestream_in(scratch.folder(), "encode rock.ply -o cpu.lods --device cpu", &[]).ok();
     scratch
@@ -212,7 +212,7 @@ fn jobs_share_a_device_and_go_on_without_it() {
     std::fs::create_dir(scratch.path("in")).unwrap();
     let names = ["a", "b", "c", "d", "e"];
     for (i, name) in names.iter().enumerate() {
-        let mesh = generate::ringed_asteroid(8, 30 + i as u32, i as u64);
+        let mesh = samples::ringed_asteroid(8, 30 + i as u32, i as u64);
         write::write_path(scratch.path(&format!("in/{name}.ply")), &mesh, None, &WriteOptions::default()).unwrap();
     }
     let ingest = |out: &str, rest: &str, environment: &[(&str, String)]| {

@@ -5,8 +5,8 @@
 #[path = "common/small.rs"]
 mod small;
 
-use lodestream::container::{ContainerError, Front, Parsed};
-use lodestream::decode::{DecodeError, DecodeOptions, Decoder, Step};
+use lodestream::format::container::{ContainerError, Front, Parsed};
+use lodestream::format::decoder::{DecodeError, DecodeOptions, Decoder, Step};
 use lodestream::mesh::{Layer, LayerKind, Mesh};
 use small::{file, files};
 

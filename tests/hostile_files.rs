@@ -4,9 +4,9 @@
 //! small multiple of the file (which the memory limit would report).
 #![cfg(feature = "formats")]
 
+use lodestream::io::read::{Format, ReadErrorKind, ReadOptions, read_bytes};
+use lodestream::io::write::write_to;
 use lodestream::mesh::{Image, Layer, LayerKind, Mesh, NO_VALUE, Stored};
-use lodestream::read::{Format, ReadErrorKind, ReadOptions, read_bytes};
-use lodestream::write::write_to;
 
 const CASES: usize = 20_000;
 

@@ -7,16 +7,16 @@
 #[path = "common/small.rs"]
 mod small;
 
-use lodestream::codec::base::code_elements;
-use lodestream::codec::layers::Wardrobe;
-use lodestream::codec::patch::View;
-use lodestream::codec::points::{canonical_order, code_points};
-use lodestream::codec::range::Encoder;
-use lodestream::codec::segment::{Scratch, Source};
-use lodestream::codec::stream::{Account, State, Task, code_segment, segment_range, segments};
-use lodestream::complex::{Batch, Faces, Inserted, NONE, Split, Star};
-use lodestream::container::{AsideCounts, Chunk, Front, Header, Kind, Label, LevelInfo, Parsed, write};
-use lodestream::decode::{DecodeOptions, Decoder, Step};
+use lodestream::format::attributes::Wardrobe;
+use lodestream::format::coder::range::Encoder;
+use lodestream::format::complex::{Batch, Faces, Inserted, NONE, Split, Star};
+use lodestream::format::container::{AsideCounts, Chunk, Front, Header, Kind, Label, LevelInfo, Parsed, write};
+use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
+use lodestream::format::elements::code_elements;
+use lodestream::format::points::{canonical_order, code_points};
+use lodestream::format::split::neighbourhood::View;
+use lodestream::format::split::segment::{Scratch, Source};
+use lodestream::format::stream::{Account, State, Task, code_segment, segment_range, segments};
 use lodestream::mesh::{Layer, LayerKind, Mesh, Stored};
 use small::{Random, file, files};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -317,7 +317,7 @@ impl Source for Greedy<'_> {
 /// A file of two levels whose segments each list as many triangles as the header says the whole level has more.
 fn segments_that_each_claim_all() -> Vec<u8> {
     let mut decoder = Decoder::new(DecodeOptions::default());
-    let bytes = file(&lodestream::generate::sphere(80, 0.01, 4), 12);
+    let bytes = file(&lodestream::samples::sphere(80, 0.01, 4), 12);
     decoder.push(&bytes);
     while let Step::Level(_) = decoder.next_level().unwrap() {}
     let mut level = decoder.complex().clone();
@@ -367,7 +367,7 @@ fn segments_that_each_claim_all() -> Vec<u8> {
 
 /// Honest files under just the limit that their tables ask for.
 fn honest_files_keep_to_what_they_say() {
-    use lodestream::generate::{crumbs, point_cloud, soup, terrain};
+    use lodestream::samples::{crumbs, point_cloud, soup, terrain};
     let mut r = Random(7);
     let mut with = |mut mesh: Mesh, layers: &[(&str, LayerKind, u8)]| {
         for &(name, kind, width) in layers {
@@ -415,10 +415,10 @@ fn hostile_streams_do_no_harm() {
     eprintln!("greedy segments: {peak} bytes at once, announced {}, file {}", front.memory(1), greedy.len());
     assert!(!whole);
     let mut files: Vec<(&str, Parts)> = files().into_iter().map(|(name, bytes)| (name, parts(&bytes))).collect();
-    let large = lodestream::generate::sphere(60, 0.01, 4);
+    let large = lodestream::samples::sphere(60, 0.01, 4);
     let large = parts(&file(&large, 12));
     assert!(large.chunks.iter().any(|c| c.segments > 1), "a file with segments");
-    let dressed = parts(&file(&small::dress(lodestream::generate::terrain(30_000, 4), 6), 10));
+    let dressed = parts(&file(&small::dress(lodestream::samples::terrain(30_000, 4), 6), 10));
     assert!(dressed.chunks.iter().any(|c| c.segments > 1 && c.kind == Kind::Segment), "layers in segments");
     let others: Vec<Parts> = files.iter().map(|(_, p)| p.clone()).collect();
     files.retain(|(name, _)| *name != "empty");

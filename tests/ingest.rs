@@ -5,9 +5,9 @@
 mod common;
 
 use common::{Scratch, lodestream};
-use lodestream::generate;
+use lodestream::io::write::{self, WriteOptions};
 use lodestream::mesh::{Layer, LayerKind, Mesh, Stored};
-use lodestream::write::{self, WriteOptions};
+use lodestream::samples;
 use serde_json::Value;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -18,7 +18,7 @@ fn scans(name: &str, count: u32) -> Scratch {
     let scratch = Scratch::new(name);
     for i in 0..count {
         let extension = ["ply", "obj", "stl", "glb"][i as usize % 4];
-        let mesh = generate::asteroid(3 + i % 9, u64::from(i));
+        let mesh = samples::asteroid(3 + i % 9, u64::from(i));
         let folder = scratch.path(&format!("raw/day-{}", i % 3));
         std::fs::create_dir_all(&folder).unwrap();
         write::write_path(folder.join(format!("scan-{i:03}.{extension}")), &mesh, None, &WriteOptions::default())
@@ -146,7 +146,7 @@ fn dressed(mut mesh: Mesh) -> Mesh {
 #[test]
 fn memory_is_foreseen_with_attributes_and_without() {
     let s = Scratch::new("ingest-foreseen");
-    let plain = || generate::terrain(40_000, 1);
+    let plain = || samples::terrain(40_000, 1);
     for (name, mesh, drop) in [
         ("plain.ply", plain(), "none"),
         ("plain.obj", plain(), "none"),
@@ -155,8 +155,8 @@ fn memory_is_foreseen_with_attributes_and_without() {
         ("dressed.glb", dressed(plain()), "none"),
         ("dressed.obj", dressed(plain()), "none"),
         ("dropped.ply", dressed(plain()), "all"),
-        ("mixed.ply", dressed(generate::mixed(150, 150, 1)), "none"),
-        ("cloud.ply", generate::point_cloud(60_000, 1), "none"),
+        ("mixed.ply", dressed(samples::mixed(150, 150, 1)), "none"),
+        ("cloud.ply", samples::point_cloud(60_000, 1), "none"),
     ] {
         write::write_path(s.path(name), &mesh, None, &WriteOptions::default()).unwrap();
         let drop = if drop == "all" { "--drop all" } else { "" };
@@ -192,7 +192,7 @@ fn killed_at_any_moment_and_resumed_the_result_is_that_of_one_run() {
     let s = scans("ingest-killed", 40);
     lodestream(s.folder(), "ingest raw -o clean").ok();
     let clean = tree(&s.path("clean"));
-    let mut random = generate::Random::new(7);
+    let mut random = samples::Random::new(7);
     let (mut partial, words) = (0, "ingest raw -o out --resume --jobs 2 --report out/report.json");
     for _ in 0..20 {
         if tree(&s.path("out")).len() >= 30 {
@@ -232,7 +232,7 @@ fn two_runs_on_one_destination_do_not_harm_each_other() {
 #[test]
 fn a_signal_ends_a_run_without_debris() {
     let s = scans("ingest-signal", 4);
-    let big = generate::terrain(60_000, 1);
+    let big = samples::terrain(60_000, 1);
     write::write_path(s.path("raw/big.ply"), &big, None, &WriteOptions::default()).unwrap();
     let mut child = Command::new(env!("CARGO_BIN_EXE_lodestream"))
         .args("ingest raw -o out --report out/report.json".split_whitespace())

@@ -4,15 +4,15 @@ mod common;
 
 use common::Run;
 use common::bucket::{Bucket, Fault};
-use lodestream::generate;
-use lodestream::read::Format;
-use lodestream::write::write_to;
+use lodestream::io::read::Format;
+use lodestream::io::write::write_to;
+use lodestream::samples;
 use std::collections::BTreeMap;
 
 fn mesh_bytes(i: u32) -> (String, Vec<u8>) {
     let (extension, format) = [("ply", Format::Ply), ("obj", Format::Obj), ("glb", Format::Glb)][i as usize % 3];
     let mut bytes = Vec::new();
-    write_to(&mut bytes, format, &generate::asteroid(4 + i % 7, u64::from(i)), None).unwrap();
+    write_to(&mut bytes, format, &samples::asteroid(4 + i % 7, u64::from(i)), None).unwrap();
     (format!("raw/day {}/scan-{i:03}.{extension}", i % 2), bytes)
 }
 
@@ -137,7 +137,7 @@ fn what_lies_beside_a_source_comes_along_and_large_outputs_are_complete_before_t
         b"mtllib ../looks/rock.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl x\nf 1/1 2/2 3/3\n";
     // An image larger than what goes in one request travels as it is, and so makes a large output.
     let mut image = b"\x89PNG\r\n\x1a\n".to_vec();
-    let mut random = generate::Random::new(3);
+    let mut random = samples::Random::new(3);
     image.extend((0..66 << 17).flat_map(|_| random.bits().to_le_bytes()));
     for (name, bytes) in [
         ("rocks/rock.obj", object.to_vec()),

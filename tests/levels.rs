@@ -5,12 +5,12 @@ mod common;
 
 use common::datasets;
 use common::distance::{Surface, symmetric};
-use lodestream::container::Header;
-use lodestream::decode::{DecodeOptions, Decoder, Step};
 use lodestream::encode::{EncodeOptions, encode};
-use lodestream::generate;
-use lodestream::lattice::{Lattice, Quantization};
+use lodestream::format::container::Header;
+use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
 use lodestream::mesh::Mesh;
+use lodestream::mesh::lattice::{Lattice, Quantization};
+use lodestream::samples;
 
 /// What was measured at one level.
 struct Row {
@@ -66,18 +66,18 @@ fn bits(b: u8) -> EncodeOptions {
 
 #[test]
 fn no_level_of_a_generated_mesh_is_farther_than_stated() {
-    for name in generate::NAMES {
+    for name in samples::NAMES {
         for (size, b, stride) in [(40, 5, 1), (200, 10, 2), (1500, 12, 5)] {
             // Everything meets everything there, which no grid makes fast.
             let tangled = name == "soup" || name == "fan-book";
             if size <= 200 || !tangled {
-                let mesh = generate::by_name(name, size, u64::from(b)).unwrap();
+                let mesh = samples::by_name(name, size, u64::from(b)).unwrap();
                 measure(name, &mesh, &bits(b), stride);
             }
         }
     }
     for seed in 0..40 {
-        measure("a small soup", &generate::soup(12, 10, seed), &bits(6 + (seed % 6) as u8), 1);
+        measure("a small soup", &samples::soup(12, 10, seed), &bits(6 + (seed % 6) as u8), 1);
     }
 }
 
@@ -141,7 +141,7 @@ fn truck() {
 
 /// A strip of a bumpy sheet, cut by hand: columns `from..=to` of a grid, so that neighbours share a column of points.
 fn tile(from: u32, to: u32, rows: u32) -> Mesh {
-    let mut random = generate::Random::new(5);
+    let mut random = samples::Random::new(5);
     let heights: Vec<f64> = (0..101 * 101).map(|_| 0.6 * random.unit()).collect();
     let mut mesh = Mesh::default();
     for x in from..=to {
@@ -194,7 +194,7 @@ fn tiles_with_locked_borders_fit_at_every_level() {
 
 #[test]
 fn locked_borders_stay_where_they_are() {
-    let mesh = generate::cylinder(30, 40, 30, 3);
+    let mesh = samples::cylinder(30, 40, 30, 3);
     let mut edges = std::collections::HashMap::new();
     for f in mesh.faces() {
         for i in 0..f.len() {

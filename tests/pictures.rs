@@ -7,12 +7,12 @@
 mod common;
 
 use common::{Scratch, datasets, lodestream_in};
-use lodestream::generate;
 use lodestream::gpu::{Device, DeviceChoice, DeviceOptions, GpuRenderer};
+use lodestream::io::write::{self, WriteOptions};
 use lodestream::mesh::Mesh;
-use lodestream::picture::{Cpu, Picture, Shading};
+use lodestream::quality::picture::{Cpu, Picture, Shading};
 use lodestream::quality::{Snapshots, ViewOptions};
-use lodestream::write::{self, WriteOptions};
+use lodestream::samples;
 
 /// By how much scores of one renderer may differ from those of the other. Their pictures differ in a few of a thousand pixels, by rounding; a
 /// mean over views of means over pixels hardly moves.
@@ -76,8 +76,8 @@ fn agree(gpu: &GpuRenderer, name: &str, mesh: &Mesh) {
 #[test]
 fn scores_do_not_depend_on_the_renderer() {
     let Some(gpu) = software("scores_do_not_depend_on_the_renderer") else { return };
-    agree(&gpu, "asteroid", &generate::asteroid(20, 4));
-    agree(&gpu, "mixed", &generate::mixed(30, 30, 4));
+    agree(&gpu, "asteroid", &samples::asteroid(20, 4));
+    agree(&gpu, "mixed", &samples::mixed(30, 30, 4));
     let names = [
         "classic/fandisk",
         "textured/avocado",
@@ -96,8 +96,8 @@ fn scores_do_not_depend_on_the_renderer() {
 fn the_program_draws_where_it_is_told_to() {
     let scratch = Scratch::new("pictures");
     let options = WriteOptions::default();
-    write::write_path(scratch.path("fine.ply"), &generate::asteroid(14, 4), None, &options).unwrap();
-    write::write_path(scratch.path("coarse.ply"), &generate::asteroid(7, 4), None, &options).unwrap();
+    write::write_path(scratch.path("fine.ply"), &samples::asteroid(14, 4), None, &options).unwrap();
+    write::write_path(scratch.path("coarse.ply"), &samples::asteroid(7, 4), None, &options).unwrap();
     let run = |words: &str, environment: &[(&str, String)]| lodestream_in(scratch.folder(), words, environment).ok();
     let lines =
         |text: &str| text.lines().filter(|l| l.starts_with("lodestream:")).map(str::to_string).collect::<Vec<_>>();
@@ -147,7 +147,7 @@ fn the_program_draws_where_it_is_told_to() {
     assert!(text.lines().any(|l| l.starts_with("drawn by") && l.ends_with("cpu")), "{text}");
     let [a, b] = ["gpu.png", "cpu.png"].map(|name| {
         let bytes = std::fs::read(scratch.path(name)).unwrap();
-        let pixels = lodestream::picture::decode(&bytes).unwrap();
+        let pixels = lodestream::quality::picture::decode(&bytes).unwrap();
         let rgb = pixels.rgba.as_chunks::<4>().0.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
         Picture { width: pixels.width, height: pixels.height, rgb }
     });

@@ -4,12 +4,12 @@
 mod common;
 
 use common::{Scratch, datasets, lodestream};
-use lodestream::compare;
-use lodestream::decode::{DecodeOptions, Decoder, Step};
 use lodestream::encode::{EncodeOptions, encode};
-use lodestream::lattice::Quantization;
+use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
+use lodestream::io::write::{self, WriteOptions};
 use lodestream::mesh::Mesh;
-use lodestream::write::{self, WriteOptions};
+use lodestream::mesh::lattice::Quantization;
+use lodestream::quality::exact;
 
 /// Encode and decode in memory and compare through the map; the error is one line.
 fn round_trip(mesh: &Mesh, options: &EncodeOptions) -> Result<(), String> {
@@ -25,7 +25,7 @@ fn round_trip(mesh: &Mesh, options: &EncodeOptions) -> Result<(), String> {
     }
     decoder.finish().map_err(|e| e.to_string())?;
     let lattice = decoder.front().map_err(|e| e.to_string())?.ok_or("no front")?.header().lattice;
-    compare::by_map(mesh, &decoder.to_mesh(), &lattice, &encoded.map).map_err(|e| e.to_string())
+    exact::by_map(mesh, &decoder.to_mesh(), &lattice, &encoded.map).map_err(|e| e.to_string())
 }
 
 #[test]
@@ -115,7 +115,7 @@ fn tiny_meshes_come_back() {
 }
 
 /// The vertices of a border or dangling edge, as sorted lattice points in full precision.
-fn border_points(mesh: &Mesh, lattice: &lodestream::lattice::Lattice) -> Vec<[i32; 3]> {
+fn border_points(mesh: &Mesh, lattice: &lodestream::mesh::lattice::Lattice) -> Vec<[i32; 3]> {
     let mut edges = std::collections::HashMap::new();
     for face in mesh.faces() {
         for i in 0..face.len() {
@@ -134,7 +134,7 @@ fn border_points(mesh: &Mesh, lattice: &lodestream::lattice::Lattice) -> Vec<[i3
 
 #[test]
 fn locked_borders_stay_at_every_level() {
-    for mesh in [lodestream::generate::cylinder(40, 30, 20, 3), lodestream::generate::terrain(2500, 4)] {
+    for mesh in [lodestream::samples::cylinder(40, 30, 20, 3), lodestream::samples::terrain(2500, 4)] {
         let options =
             EncodeOptions { quantization: Quantization::Bits(14), lock_borders: true, ..EncodeOptions::default() };
         let encoded = encode(&mesh, &options, &|_| {}).unwrap();

@@ -4,16 +4,16 @@
 mod common;
 
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
-use lodestream::container::{ChunkInfo, Front, Kind, Parsed, Preview};
-use lodestream::decode::{DecodeOptions, Decoder, Step};
+use lodestream::encode::quality_order::{Effort, Options, ScheduleError, Scheduled, by_quality};
 use lodestream::encode::{EncodeOptions, Schedule, encode};
-use lodestream::generate;
+use lodestream::format::container::{ChunkInfo, Front, Kind, Parsed, Preview};
+use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
+use lodestream::image::preview::{Previews, add_previews};
+use lodestream::io::write::{WriteOptions, write_path};
 use lodestream::mesh::{Appearance, Image, Layer, LayerKind, Mesh, Stored};
-use lodestream::picture::{Cpu, Shading};
+use lodestream::quality::picture::{Cpu, Shading};
 use lodestream::quality::{Snapshots, ViewOptions};
-use lodestream::recompress::preview::{Previews, add_previews};
-use lodestream::schedule::{Effort, Options, ScheduleError, Scheduled, by_quality};
-use lodestream::write::{WriteOptions, write_path};
+use lodestream::samples;
 
 const OPTIONS: Options = Options { effort: Effort::Low, image_cache: 1 << 30, memory_limit: 1 << 30 };
 
@@ -41,7 +41,7 @@ fn spots(side: u16, seed: u32) -> Vec<u8> {
 
 /// A bumpy ball with a colour image, and a normal map that pictures do not show.
 fn textured(side: u16) -> Mesh {
-    let mut mesh = generate::asteroid(24, 5);
+    let mut mesh = samples::asteroid(24, 5);
     let values = mesh.positions.iter().flat_map(|p| {
         let around = p[1].atan2(p[0]) / std::f64::consts::TAU + 0.5;
         let up = p[2] / p.iter().map(|c| c * c).sum::<f64>().sqrt();
@@ -202,7 +202,7 @@ fn no_order_is_better_by_the_pictures_of_its_prefixes() {
 #[test]
 fn files_without_pictures_stay_as_they_are() {
     let mut mesh = textured(64);
-    let bare = generate::asteroid(12, 5);
+    let bare = samples::asteroid(12, 5);
     mesh.appearance.materials = vec!["{}".into()];
     for mesh in [bare, mesh, Mesh::default()] {
         let plain = file(&mesh, Schedule::Linear);

@@ -1,10 +1,10 @@
 //! Round trips of random polygon soups through the whole codec: exact through the map, and every prefix decodes.
 
-use lodestream::container::{Front, Parsed};
-use lodestream::decode::{DecodeOptions, Decoder, Step};
 use lodestream::encode::{EncodeOptions, encode};
-use lodestream::lattice::{Lattice, Quantization};
+use lodestream::format::container::{Front, Parsed};
+use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
 use lodestream::mesh::Mesh;
+use lodestream::mesh::lattice::{Lattice, Quantization};
 use proptest::prelude::*;
 
 fn soup(vertices: usize, faces: usize) -> impl Strategy<Value = Mesh> {

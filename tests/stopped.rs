@@ -4,8 +4,8 @@
 mod common;
 
 use common::{Scratch, lodestream};
-use lodestream::generate;
-use lodestream::write::{self, WriteOptions};
+use lodestream::io::write::{self, WriteOptions};
+use lodestream::samples;
 use std::io::Write;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 /// A folder with `m.ply` and `m.lods` in it.
 fn folder(name: &str) -> Scratch {
     let scratch = Scratch::new(name);
-    write::write_path(scratch.path("m.ply"), &generate::terrain(3000, 1), None, &WriteOptions::default()).unwrap();
+    write::write_path(scratch.path("m.ply"), &samples::terrain(3000, 1), None, &WriteOptions::default()).unwrap();
     lodestream(scratch.folder(), "encode m.ply -o m.lods").ok();
     scratch
 }

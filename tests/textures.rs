@@ -5,12 +5,12 @@
 mod small;
 
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
-use lodestream::container::{Chunk, Front, Kind, Parsed, Preview, write};
-use lodestream::decode::{DecodeError, DecodeOptions, Decoder, MissingImages, Step};
 use lodestream::encode::{EncodeOptions, Encoded, Schedule, encode};
-use lodestream::generate::torus;
+use lodestream::format::container::{Chunk, Front, Kind, Parsed, Preview, write};
+use lodestream::format::decoder::{DecodeError, DecodeOptions, Decoder, MissingImages, Step};
+use lodestream::image::jpeg::{Exactness, Way, same_picture};
 use lodestream::mesh::{Image, Mesh};
-use lodestream::texture::{Exactness, Way, same_picture};
+use lodestream::samples::torus;
 use small::{Random, dress};
 
 /// A picture with something to see, by an encoder that is not ours.
@@ -171,7 +171,7 @@ fn pieces_may_be_fetched_apart_in_their_order() {
     let bytes = encoded(&textured(150), Schedule::MeshFirst, Exactness::Bytes).bytes;
     let front = front(&bytes);
     let fetch = |kind: Kind, image: u32, segment: u32| {
-        let of = |c: &&lodestream::container::ChunkInfo| (c.kind, c.image, c.segment) == (kind, image, segment);
+        let of = |c: &&lodestream::format::container::ChunkInfo| (c.kind, c.image, c.segment) == (kind, image, segment);
         let info = *front.chunks().iter().find(of).unwrap();
         (info, bytes[info.offset as usize..info.end() as usize].to_vec())
     };

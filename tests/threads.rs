@@ -4,11 +4,11 @@
 #[path = "common/small.rs"]
 mod small;
 
-use lodestream::container::{Front, Kind, Parsed};
-use lodestream::decode::{DecodeOptions, Decoder, Step};
 use lodestream::encode::{EncodeOptions, encode};
-use lodestream::generate::{crumbs, soup, sphere, terrain};
+use lodestream::format::container::{Front, Kind, Parsed};
+use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
 use lodestream::mesh::Mesh;
+use lodestream::samples::{crumbs, soup, sphere, terrain};
 
 fn bytes(mesh: &Mesh, threads: usize) -> (Vec<u8>, Vec<u32>) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

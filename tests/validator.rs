@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use common::datasets;
+use lodestream::io::write::{WriteOptions, write_path};
 use lodestream::mesh::{Image, Layer, LayerKind, Mesh, NO_VALUE, Stored};
-use lodestream::write::{WriteOptions, write_path};
 
 /// One white pixel.
 const WHITE: [u8; 69] = [

@@ -1,23 +1,23 @@
 //! Round trips of attributes: random wedges on random complexes, charts on smooth surfaces, materials, values of faces aside and
 //! of isolated vertices. Compared through the vertex map, by integers, apart from the codec.
 
-use lodestream::decode::{DecodeOptions, Decoder, Step};
 use lodestream::encode::{EncodeOptions, encode};
-use lodestream::generate;
+use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
 use lodestream::mesh::{Appearance, Image, Layer, LayerKind, Mesh, NO_VALUE, Stored};
+use lodestream::samples;
 use proptest::prelude::*;
 
 /// All that a file tells of a mesh, in a form that does not depend on its numbering: faces with the values at their corners and
 /// their material, and values of isolated vertices.
 type Face = (u32, Vec<(u32, Vec<Option<Vec<i64>>>)>);
 
-fn integers(layer: &Layer, like: &lodestream::container::LayerHeader, i: u32) -> Option<Vec<i64>> {
+fn integers(layer: &Layer, like: &lodestream::format::container::LayerHeader, i: u32) -> Option<Vec<i64>> {
     (i != NO_VALUE).then(|| like.quantizer.quantize(like.kind, layer.value(i)).iter().map(|&x| x as i64).collect())
 }
 
 fn told(
     mesh: &Mesh,
-    layers: &[lodestream::container::LayerHeader],
+    layers: &[lodestream::format::container::LayerHeader],
     map: &dyn Fn(u32) -> u32,
 ) -> (Vec<Face>, Vec<Face>) {
     let mut faces: Vec<Face> = Vec::new();
@@ -162,7 +162,7 @@ proptest! {
     #[test]
     fn random_wedges_on_surfaces_come_back(size in 8u32..200, which in 0usize..5, palette in 1u32..5, seed in any::<u64>()) {
         let name = ["sphere", "torus", "cylinder", "mixed", "terrain"][which];
-        let Some(mut mesh) = generate::by_name(name, size, seed) else { return Ok(()) };
+        let Some(mut mesh) = samples::by_name(name, size, seed) else { return Ok(()) };
         let layer = random_layer(&mesh, LayerKind::Uv, 2, palette, seed);
         mesh.layers.push(layer);
         materials(&mut mesh, 2, seed);
@@ -195,7 +195,7 @@ fn charts(mesh: &Mesh, chart: &dyn Fn([f64; 3]) -> u32) -> Layer {
 
 #[test]
 fn charts_on_a_sphere_come_back_and_cost_little() {
-    let plain = generate::sphere(22, 0.0, 1);
+    let plain = samples::sphere(22, 0.0, 1);
     let vertices = plain.positions.len() as f64;
     let mut one = plain.clone();
     one.layers.push(charts(&plain, &|_| 0));
@@ -260,10 +260,10 @@ fn real_attributes_come_back() {
         return;
     };
     for (name, layers) in REAL {
-        let read = lodestream::read::read_path(folder.join(name), &Default::default()).unwrap();
+        let read = lodestream::io::read::read_path(folder.join(name), &Default::default()).unwrap();
         assert_eq!(read.mesh.layers.len(), layers, "{name}");
         // Images too, byte by byte.
-        let options = EncodeOptions { images: lodestream::texture::Exactness::Bytes, ..EncodeOptions::default() };
+        let options = EncodeOptions { images: lodestream::image::jpeg::Exactness::Bytes, ..EncodeOptions::default() };
         check(&read.mesh, &options).unwrap_or_else(|e| panic!("{name}: {e}"));
     }
 }

@@ -2,10 +2,10 @@
 
 use crate::datasets::Dataset;
 use crate::draco::{self, Draco, DracoRun};
-use lodestream::decode::{DecodeOptions, Decoder, Step};
+use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
+use lodestream::io::write::{self, WriteOptions};
 use lodestream::mesh::Mesh;
 use lodestream::quality::{self, SampleOptions, Sampled};
-use lodestream::write::{self, WriteOptions};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::process::{Command, ExitCode, Stdio};

@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use lodestream::read::Format;
+use lodestream::io::read::Format;
 
 mod common;
 

@@ -2,12 +2,12 @@
 //! the presence of values told by labels.
 
 use super::EncodeOptions;
-use crate::codec::layers::{Lone, MAX_LAYERS, Scheme, Value};
-use crate::complex::{Attributes, Faces, MAX_WEDGES, NONE, Wedges};
-use crate::container::{AttributeHeader, Label, LayerHeader, MAX_LABELS, MAX_NAME};
+use crate::format::attributes::{Lone, MAX_LAYERS, Scheme, Value};
+use crate::format::complex::{Attributes, Faces, MAX_WEDGES, NONE, Wedges};
+use crate::format::container::{AttributeHeader, Label, LayerHeader, MAX_LABELS, MAX_NAME};
+use crate::mesh::quantizer::{Precision, Quantizer, QuantizerError};
 use crate::mesh::{Layer, LayerKind, Mesh, NO_VALUE};
-use crate::par;
-use crate::quantizer::{Precision, Quantizer, QuantizerError};
+use crate::parallel;
 use std::collections::HashMap;
 use thiserror::Error;
 
@@ -128,8 +128,8 @@ pub(super) fn dress(mesh: &Mesh, parts: &Parts, options: &EncodeOptions) -> Resu
         let whole = layer.stored.is_integer();
         let quantizer = Quantizer::choose(&layer.name, layer.kind, width, &layer.values, precision, whole)?;
         let coded = quantizer.width(layer.kind, width);
-        let ranges = par::ranges(layer.len(), 1 << 16);
-        let values: Vec<Value> = par::map(ranges, |range| {
+        let ranges = parallel::ranges(layer.len(), 1 << 16);
+        let values: Vec<Value> = parallel::map(ranges, |range| {
             range.map(|i| quantizer.quantize(layer.kind, layer.value(i as u32))).collect::<Vec<_>>()
         })
         .concat();

@@ -3,7 +3,7 @@
 //! Level 0, the materials and the coarsest preview of each image come first in any order: previews are tiny, and nothing says sooner what a
 //! model looks like. A recipe, which adds nothing to be seen, comes last. Finer previews and pieces of several images take turns, each as far through its bytes as the others, so that none is sharp while another has not begun.
 
-use crate::container::{Chunk, Kind};
+use crate::format::container::{Chunk, Kind};
 use std::fmt;
 use std::str::FromStr;
 
@@ -120,7 +120,7 @@ fn merge<B: AsRef<[u8]>>(rows: Vec<Vec<Group<B>>>) -> Vec<Group<B>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::container::Preview;
+    use crate::format::container::Preview;
 
     fn shape(schedule: Schedule) -> String {
         let mesh = vec![

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use super::error::{DeviceError, line};
 use super::shader;
-use crate::metric::DeviceChoice;
+use crate::encode::cost::DeviceChoice;
 
 /// What kind of device it is, the best first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -7,7 +7,7 @@ use super::buffers::{Growing, INPUT, Results, UNIFORM};
 use super::device::Device;
 use super::error::DeviceError;
 use super::shader::Kernel;
-use crate::metric::triangle_distance2;
+use crate::encode::cost::triangle_distance2;
 
 /// Points, triangles, and which triangles each point is compared with.
 #[derive(Clone, Copy, Debug)]

@@ -9,9 +9,9 @@
 //! - `buffers`: memory on the device, and dispatches whose results come back by deadline.
 //! - `stars`, `resident`, `window`: a level as the kernels read it; how it stays on the device from batch to batch; what is
 //!   done where it does not fit.
-//! - [`GpuWeights`]: the evaluator of edge weights, twin of [`Cpu`](crate::metric::Cpu).
+//! - [`GpuWeights`]: the evaluator of edge weights, twin of [`Cpu`](crate::encode::cost::Cpu).
 //! - [`SharedGpu`]: the same for several jobs at a time.
-//! - [`GpuRenderer`]: pictures, twin of [`picture::Cpu`](crate::picture::Cpu).
+//! - [`GpuRenderer`]: pictures, twin of [`picture::Cpu`](crate::quality::picture::Cpu).
 //! - [`distances`]: of points to triangles, and the twin; [`seam_displacements`]: of seams by collapses.
 
 mod buffers;
@@ -28,7 +28,7 @@ mod stars;
 mod weights;
 mod window;
 
-pub use crate::metric::DeviceChoice;
+pub use crate::encode::cost::DeviceChoice;
 pub use device::{Device, DeviceInfo, DeviceKind, DeviceOptions, devices, select_device};
 pub use error::DeviceError;
 pub use hausdorff::{Distances, distances};

@@ -13,7 +13,7 @@ use super::device::Device;
 use super::error::DeviceError;
 use super::shader::Kernel;
 use super::stars::{MOST_VERTICES, Stars, bytes_of};
-use crate::metric::{Side, Task};
+use crate::encode::cost::{Side, Task};
 
 /// Vertices that go to the device at a time.
 const BLOCK: usize = 1 << 17;

@@ -1,4 +1,4 @@
-//! Displacements of seams on a device; twin of [`seam_displacement`](crate::metric::seam_displacement).
+//! Displacements of seams on a device; twin of [`seam_displacement`](crate::encode::cost::seam_displacement).
 //!
 //! The simplification does not use it: few edges touch seams, and reading their patches, which the processor does, takes longer than
 //! measuring them. It is here for patches that are read already, and so that the twins stay comparable.
@@ -7,7 +7,7 @@ use super::buffers::{Growing, INPUT, Results, UNIFORM};
 use super::device::Device;
 use super::error::DeviceError;
 use super::shader::Kernel;
-use crate::metric::SeamPatch;
+use crate::encode::cost::SeamPatch;
 
 /// The displacement of each patch, in lattice steps. Everything is uploaded at once.
 ///

@@ -11,7 +11,7 @@ use crossbeam_channel::{Receiver, Sender, bounded};
 use super::device::Device;
 use super::error::DeviceError;
 use super::weights::{GpuWeights, Kernels};
-use crate::metric::{EvaluateError, Evaluator, Fixed, Task};
+use crate::encode::cost::{EvaluateError, Evaluator, Fixed, Task};
 
 /// How many deadlines a job waits for its turn.
 const PATIENCE: u32 = 10;

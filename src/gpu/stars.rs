@@ -4,7 +4,7 @@
 //! joined to the apex, and the fans of triangles as places among those vertices. The processor makes them once for each vertex;
 //! the kernel reads them once for each edge and searches little. The layout stands in `shaders/level.wgsl`.
 
-use crate::metric::{Side, WeighInput};
+use crate::encode::cost::{Side, WeighInput};
 
 use super::shader::{
     FAN_NONE, FAN_POLYGON, FAN_STRING, RING, STAR_BORDER, STAR_FAR, STAR_POLYGONS, STAR_TOO_LARGE, STARS, TRIANGLES,

@@ -6,10 +6,10 @@
 use super::shader::{FILES, OUTCOME, PARAMS, compose};
 use super::window::cut;
 use super::*;
-use crate::complex::{Faces, Star};
-use crate::metric::tests::{level_of, small_meshes};
-use crate::metric::{Class, Cpu, EdgeList, Evaluator, Fixed, Scale, Task, WeighInput};
-use crate::trace::Trace;
+use crate::encode::cost::tests::{level_of, small_meshes};
+use crate::encode::cost::{Class, Cpu, EdgeList, Evaluator, Fixed, Scale, Task, WeighInput};
+use crate::encode::trace::Trace;
+use crate::format::complex::{Faces, Star};
 use proptest::prelude::*;
 use std::sync::{LazyLock, Mutex, PoisonError};
 
@@ -228,7 +228,7 @@ fn what_a_device_refuses_is_an_error() {
     let refused = device.check().unwrap_err().to_string();
     assert!(refused.starts_with(&device.info().name) && !refused.contains('\n'), "{refused}");
     let mut gpu = GpuWeights::new(test_device(DeviceOptions::default()).unwrap()).unwrap();
-    let mesh = crate::generate::by_name("torus", 400, 5).unwrap();
+    let mesh = crate::samples::by_name("torus", 400, 5).unwrap();
     let (level, positions) = level_of(&mesh, 100.0);
     weights(&mut gpu, &level.faces, &positions);
 }
@@ -246,7 +246,7 @@ fn nobody_waits_for_a_driver_that_hangs() {
 fn jobs_take_turns_and_hear_of_a_failure() {
     let Some(device) = test_device(DeviceOptions::default()) else { return };
     let shared = SharedGpu::new(device, 3).unwrap();
-    let meshes = ["torus", "mixed", "soup"].map(|name| crate::generate::by_name(name, 900, 5).unwrap());
+    let meshes = ["torus", "mixed", "soup"].map(|name| crate::samples::by_name(name, 900, 5).unwrap());
     std::thread::scope(|scope| {
         for mesh in &meshes {
             let mut gpu = shared.evaluator().unwrap();
@@ -333,7 +333,7 @@ fn twins_agree_on_real_meshes() {
     let mut gpu = GpuWeights::new(device).unwrap();
     for name in ["classic/bimba_original.off", "classic/horse.ply", "bad/chair_model.obj"] {
         let path = std::path::Path::new(&folder).join(name);
-        let read = match crate::read::read_path(&path, &crate::read::ReadOptions::default()) {
+        let read = match crate::io::read::read_path(&path, &crate::io::read::ReadOptions::default()) {
             Ok(read) => read,
             Err(error) => {
                 eprintln!("skipped: {name}: {error}");
@@ -355,7 +355,7 @@ fn little_memory_means_windows_and_the_same_weights() {
     let exact = exact(&device);
     let mut gpu = GpuWeights::new(device).unwrap();
     for name in ["mixed", "sphere", "soup", "fan-book"] {
-        let mesh = crate::generate::by_name(name, 2000, 5).unwrap();
+        let mesh = crate::samples::by_name(name, 2000, 5).unwrap();
         let (level, positions) = level_of(&mesh, 100.0);
         let (edges, by_cpu, weighed) = weights(&mut Cpu, &level.faces, &positions);
         let (_, by_gpu, too) = weights(&mut gpu, &level.faces, &positions);
@@ -366,7 +366,7 @@ fn little_memory_means_windows_and_the_same_weights() {
 
 #[test]
 fn a_window_holds_what_its_edges_need() {
-    let mesh = crate::generate::by_name("torus", 400, 5).unwrap();
+    let mesh = crate::samples::by_name("torus", 400, 5).unwrap();
     let (level, positions) = level_of(&mesh, 100.0);
     let star = Star::build(positions.len(), &level.faces);
     let edges = EdgeList::build(&level.faces, &star);
@@ -378,7 +378,7 @@ fn a_window_holds_what_its_edges_need() {
         assert!(taken > 0);
         let bytes = window.stars.bytes().1;
         assert!(bytes <= 8_000 + 2_000, "{bytes}");
-        let mut side = crate::metric::Side::default();
+        let mut side = crate::encode::cost::Side::default();
         for (local, &[a, b]) in window.edges.iter().zip(&ends[from..]) {
             for (&v, whole) in local.iter().zip([a, b]) {
                 // The same star as in the whole level, but for the numbers of its vertices, whose records are there.
@@ -421,7 +421,7 @@ fn distances_agree() {
         let x = points[i].map(f64::from);
         let naive = (0..10)
             .map(|k| triangles[candidates[10 * i + k] as usize].map(|p| p.map(f64::from)))
-            .map(|t| crate::metric::tests::to_triangle(x, &t))
+            .map(|t| crate::encode::cost::tests::to_triangle(x, &t))
             .fold(f64::INFINITY, f64::min);
         assert!((f64::from(d).sqrt() - naive).abs() < 1e-4, "{i}: {d} {naive}");
     }
@@ -440,7 +440,7 @@ fn distances_agree() {
 
 #[test]
 fn seams_agree() {
-    use crate::metric::{SeamPatch, seam_displacement};
+    use crate::encode::cost::{SeamPatch, seam_displacement};
     let at = |i: usize| -> [f32; 3] { std::array::from_fn(|k| ((i * 7 + k * 13) % 23) as f32 * 0.37 - 4.0) };
     let patches: Vec<SeamPatch> = (0..300)
         .map(|i| SeamPatch {

@@ -1,4 +1,4 @@
-//! The evaluator of edge weights on a device; twin of [`Cpu`](crate::metric::Cpu).
+//! The evaluator of edge weights on a device; twin of [`Cpu`](crate::encode::cost::Cpu).
 //!
 //! First the level on the device is made to follow the loop (`resident`). Then three stages, joined by bounded channels: the
 //! processor's threads ask for runs of edges which are known already and list the others; one thread uploads them and
@@ -17,7 +17,7 @@ use super::error::DeviceError;
 use super::resident::Resident;
 use super::shader::{CLASS, FOLDS, Kernel, OUTCOME, PARAMS, STARS, TOO_LARGE};
 use super::window::{Window, cut};
-use crate::metric::{Class, EvaluateError, Evaluator, Fixed, Task, Weight, weigh_some};
+use crate::encode::cost::{Class, EvaluateError, Evaluator, Fixed, Task, Weight, weigh_some};
 
 /// Edges of a run.
 const RUN: usize = 1 << 17;

@@ -4,7 +4,7 @@
 //! order, so that a patch comes out as it would from the whole level.
 
 use super::stars::Stars;
-use crate::metric::{Side, WeighInput};
+use crate::encode::cost::{Side, WeighInput};
 
 /// What some edges need.
 #[derive(Clone, Debug, Default, PartialEq)]

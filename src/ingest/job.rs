@@ -8,15 +8,15 @@ use super::output::{self, Staging};
 use super::settings::Settings;
 use super::stamp::{Stamp, hex};
 use super::{Engines, Event, Observer, predict};
-use crate::compare;
-use crate::container::{Front, Parsed};
-use crate::decode::{DecodeOptions, Decoder, Step};
+use crate::encode::cost::Engine;
+use crate::encode::quality_order;
 use crate::encode::{self, EncodeError, Encoded};
-use crate::metric::Engine;
-use crate::read::{self, Format, ReadError, ReadErrorKind, ReadMesh, ReadOptions, Survey};
-use crate::recompress::preview::add_previews;
-use crate::recompress::recompress;
-use crate::schedule;
+use crate::format::container::{Front, Parsed};
+use crate::format::decoder::{DecodeOptions, Decoder, Step};
+use crate::image::preview::add_previews;
+use crate::image::recompress::recompress;
+use crate::io::read::{self, Format, ReadError, ReadErrorKind, ReadMesh, ReadOptions, Survey};
+use crate::quality::exact;
 use rayon::ThreadPool;
 use serde::Serialize;
 use std::io::Cursor;
@@ -338,8 +338,8 @@ fn compute(
     let bytes = if job.settings.by_quality {
         // The file is our own, and what this takes was foreseen.
         let effort = job.settings.effort;
-        let options = schedule::Options { effort, image_cache: predict::IMAGE_CACHE, memory_limit: u64::MAX };
-        schedule::by_quality(&bytes, &options, &|_, _| {}).map_err(|e| inside(&e))?.bytes
+        let options = quality_order::Options { effort, image_cache: predict::IMAGE_CACHE, memory_limit: u64::MAX };
+        quality_order::by_quality(&bytes, &options, &|_, _| {}).map_err(|e| inside(&e))?.bytes
     } else {
         bytes
     };
@@ -374,8 +374,8 @@ fn verify(file: &[u8], read: &ReadMesh, map: &[u32]) -> Result<(), String> {
     let decoded = decoder.to_mesh();
     let layers = &header.attributes.layers;
     // The map of the encoder, not that of the reader: it speaks of the vertices of the mesh that was encoded.
-    compare::by_map(&read.mesh, &decoded, &header.lattice, map)
-        .and_then(|()| compare::attributes_by_map(&read.mesh, &decoded, map, &compare::quantized(layers)))
+    exact::by_map(&read.mesh, &decoded, &header.lattice, map)
+        .and_then(|()| exact::attributes_by_map(&read.mesh, &decoded, map, &exact::quantized(layers)))
         .map_err(|e| e.to_string())
 }
 

@@ -9,7 +9,7 @@ use super::manifest::{self, Job};
 use super::output::STAGING;
 use super::settings::Settings;
 use super::store::Stores;
-use crate::read::Format;
+use crate::io::read::Format;
 use globset::GlobMatcher;
 use sha2::{Digest, Sha256};
 use std::collections::HashSet;

@@ -134,7 +134,7 @@ pub(super) fn source(text: &str, stores: &Stores) -> Result<Source, IngestError>
             return Ok(Source::Many(Folder::Stored(store, prefix.to_string()), Some(matcher(text, pattern)?)));
         }
         // A key with the extension of a mesh is one object, anything else stands for what is below it.
-        if !key.ends_with('/') && crate::read::Format::from_path(Path::new(key)).is_ok() {
+        if !key.ends_with('/') && crate::io::read::Format::from_path(Path::new(key)).is_ok() {
             return Ok(Source::One(Object::Stored(store, key.to_string())));
         }
         let prefix = if key.is_empty() || key.ends_with('/') { key.to_string() } else { format!("{key}/") };

@@ -7,10 +7,10 @@
 use super::error::IngestError;
 use super::location::{is_plain, output_name};
 use super::settings::{DROP_NAMES, Settings, drop_set};
-use crate::lattice::Quantization;
-use crate::quantizer::Precision;
-use crate::recompress::Textures;
-use crate::texture::Exactness;
+use crate::image::jpeg::Exactness;
+use crate::image::recompress::Textures;
+use crate::mesh::lattice::Quantization;
+use crate::mesh::quantizer::Precision;
 use serde::Deserialize;
 use std::collections::HashMap;
 use std::path::Path;
@@ -482,7 +482,7 @@ mod tests {
         assert_eq!((e.uv, e.normal_bits, e.color_bits, e.scalar_bits), (Precision::Step(0.5), 12, 10, 20));
         assert_eq!((e.images, e.schedule), (Exactness::Bytes, crate::encode::Schedule::Linear));
         assert_eq!(jobs[1].settings.textures, Textures::Jpeg(85));
-        assert_eq!(jobs[1].settings.previews, crate::recompress::preview::Previews::None);
+        assert_eq!(jobs[1].settings.previews, crate::image::preview::Previews::None);
         assert_eq!(Ok(jobs[1].settings.drop), drop_set(["uvs", "normals"]));
         let strip = |jobs: Vec<Job>| jobs.into_iter().map(|j| Job { line: 0, ..j }).collect::<Vec<_>>();
         assert_eq!(strip(read("jsonl", jsonl)), strip(jobs.clone()));

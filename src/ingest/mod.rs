@@ -39,7 +39,7 @@ pub use stamp::Stamp;
 pub use store::Retries;
 
 use crate::encode;
-use crate::metric::Engine;
+use crate::encode::cost::Engine;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;

@@ -8,7 +8,7 @@
 use super::error::Failure;
 use super::location::Object;
 use super::stamp::Stamp;
-use crate::container::{Front, Parsed};
+use crate::format::container::{Front, Parsed};
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};

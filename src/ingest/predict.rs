@@ -6,10 +6,10 @@
 //! in a run of its own beside what is predicted here. `DESIGN.md`, "Ingest", has the table.
 
 use super::settings::Settings;
-use crate::read::Survey;
-use crate::recompress::Textures;
-use crate::recompress::preview::Previews;
-use crate::texture::Working;
+use crate::image::jpeg::Working;
+use crate::image::preview::Previews;
+use crate::image::recompress::Textures;
+use crate::io::read::Survey;
 
 /// Bytes of the mesh and the map, for each vertex, corner, element and record.
 const MESH: [u64; 4] = [24, 4, 4, 4];

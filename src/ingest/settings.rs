@@ -1,10 +1,10 @@
 //! How one file is to be encoded, and the one spelling of it that goes into checksums.
 
 use crate::encode::EncodeOptions;
-use crate::read::DropSet;
-use crate::recompress::Textures;
-use crate::recompress::preview::Previews;
-use crate::schedule::{Effort, Order};
+use crate::encode::quality_order::{Effort, Order};
+use crate::image::preview::Previews;
+use crate::image::recompress::Textures;
+use crate::io::read::DropSet;
 use sha2::{Digest, Sha256};
 
 /// How one file is to be encoded.
@@ -68,7 +68,7 @@ impl Settings {
         let text = format!(
             "lodestream {} format {}\n{:?}\nweld {:?} drop {:?}\ntextures {:?} previews {:?}\nby quality {:?}\n",
             env!("CARGO_PKG_VERSION"),
-            crate::container::VERSION,
+            crate::format::container::VERSION,
             self.encode,
             self.weld,
             self.drop,
@@ -83,8 +83,8 @@ impl Settings {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lattice::Quantization;
-    use crate::quantizer::Precision;
+    use crate::mesh::lattice::Quantization;
+    use crate::mesh::quantizer::Precision;
 
     #[test]
     fn every_setting_changes_the_checksum() {
@@ -100,7 +100,7 @@ mod tests {
         others[7].encode.normal_bits = 11;
         others[8].encode.color_bits = 9;
         others[9].encode.scalar_bits = 15;
-        others[10].encode.images = crate::texture::Exactness::Bytes;
+        others[10].encode.images = crate::image::jpeg::Exactness::Bytes;
         others[11].encode.schedule = crate::encode::Schedule::Linear;
         others[12].textures = Textures::Jpeg(90);
         others[13].set_order(Order::Quality);

@@ -3,7 +3,7 @@
 //! `FORMAT.md`, "Source stamp": kind 128, one byte of version, SHA-256 of the source's bytes, SHA-256 of the settings.
 //! Decoders skip it. It is what `--resume` goes by, so a file and its stamp appear together or not at all.
 
-use crate::container::{Chunk, ContainerError, Front, KIND_SOURCE, Kind, with_chunk};
+use crate::format::container::{Chunk, ContainerError, Front, KIND_SOURCE, Kind, with_chunk};
 use sha2::{Digest, Sha256};
 
 /// What an output was made from.
@@ -82,13 +82,13 @@ pub(super) fn hex(bytes: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::container::Parsed;
-    use crate::decode::{DecodeOptions, Decoder, Step};
     use crate::encode::{EncodeOptions, encode};
+    use crate::format::container::Parsed;
+    use crate::format::decoder::{DecodeOptions, Decoder, Step};
 
     #[test]
     fn a_stamped_file_decodes_as_before_and_tells_its_stamp() {
-        let mesh = crate::generate::asteroid(8, 1);
+        let mesh = crate::samples::asteroid(8, 1);
         let plain = encode(&mesh, &EncodeOptions::default(), &|_| {}).unwrap().bytes;
         let stamp = Stamp { source: checksum_with(b"abc", &[source_checksum(b"d"), [0; 32]]), settings: [7; 32] };
         assert_eq!(hex(&source_checksum(b"abc"))[..16], *"ba7816bf8f01cfea");

@@ -1,14 +1,14 @@
 //! Runs in this process, with hooks; `tests/ingest.rs` starts the real program.
 
 use super::*;
-use crate::generate;
-use crate::write::{WriteOptions, write_path};
+use crate::io::write::{WriteOptions, write_path};
+use crate::samples;
 use std::path::Path;
 use std::sync::Mutex;
 
 fn meshes(folder: &Path, count: u32) {
     for i in 0..count {
-        let mesh = generate::asteroid(3 + i % 5, u64::from(i));
+        let mesh = samples::asteroid(3 + i % 5, u64::from(i));
         write_path(folder.join(format!("rock-{i:02}.ply")), &mesh, None, &WriteOptions::default()).unwrap();
     }
 }
@@ -86,7 +86,7 @@ fn resuming_goes_by_bytes_and_settings_not_by_time_stamps() {
     // Other bytes with an old one are another.
     let changed = from.path().join("rock-01.ply");
     let stamp = std::fs::metadata(&changed).unwrap().modified().unwrap();
-    write_path(&changed, &generate::torus(9, 9), None, &WriteOptions::default()).unwrap();
+    write_path(&changed, &samples::torus(9, 9), None, &WriteOptions::default()).unwrap();
     std::fs::File::options().write(true).open(&changed).unwrap().set_modified(stamp).unwrap();
     // An output that was cut is not there.
     std::fs::write(to.path().join("rock-02.lods"), &before[2].1[..50]).unwrap();
@@ -176,7 +176,7 @@ fn what_cannot_fit_is_not_started_and_says_what_it_needs() {
 #[test]
 fn two_sources_of_one_output_do_not_overwrite_each_other() {
     let (from, to) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    let mesh = generate::asteroid(3, 1);
+    let mesh = samples::asteroid(3, 1);
     for name in ["a.obj", "a.ply", "b.ply"] {
         write_path(from.path().join(name), &mesh, None, &WriteOptions::default()).unwrap();
     }

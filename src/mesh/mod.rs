@@ -6,7 +6,9 @@
 //! [`NO_VALUE`] for each corner, the latter at all corners of an element or at none, and its numbers are finite.
 
 mod appearance;
+pub mod lattice;
 mod layer;
+pub mod quantizer;
 
 pub use appearance::{Appearance, Image};
 pub use layer::{Layer, LayerKind, MAX_WIDTH, NO_VALUE, Stored};

@@ -5,7 +5,7 @@
 
 use super::ssim::{LEAST_SIDE, SsimError, ms_ssim};
 use crate::mesh::Mesh;
-use crate::picture::{Picture, Renderer, Scene, Shading, View};
+use crate::quality::picture::{Picture, Renderer, Scene, Shading, View};
 use std::sync::{Mutex, PoisonError};
 
 /// Cameras, at most.
@@ -140,8 +140,8 @@ fn in_order<T: Send>(work: impl FnOnce(&(dyn Fn(usize, T) + Sync))) -> Vec<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::generate;
-    use crate::picture::Cpu;
+    use crate::quality::picture::Cpu;
+    use crate::samples;
 
     #[test]
     fn forty_two_directions_all_around() {
@@ -159,11 +159,11 @@ mod tests {
 
     #[test]
     fn coarser_is_less_alike() {
-        let fine = generate::asteroid(16, 4);
+        let fine = samples::asteroid(16, 4);
         let options = ViewOptions { views: 6, size: 176, shading: Shading::Smooth };
         let snapshots = Snapshots::new(&fine, &Cpu, &options).unwrap();
         assert_eq!(snapshots.compare(&fine, &Cpu).unwrap().ms_ssim, 1.0);
-        let scores = [12, 6, 2].map(|n| snapshots.compare(&generate::asteroid(n, 4), &Cpu).unwrap().ms_ssim);
+        let scores = [12, 6, 2].map(|n| snapshots.compare(&samples::asteroid(n, 4), &Cpu).unwrap().ms_ssim);
         assert!(scores[0] < 1.0 && scores[0] > scores[1] && scores[1] > scores[2] && scores[2] > 0.2, "{scores:?}");
         assert!(Snapshots::new(&fine, &Cpu, &ViewOptions { size: 100, ..options }).is_err());
     }

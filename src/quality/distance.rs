@@ -9,7 +9,7 @@
 
 use super::surface::{Surface, V, cross, dot, nearest_weights, sub};
 use crate::mesh::Mesh;
-use crate::par;
+use crate::parallel;
 
 /// Samples that one task looks up.
 const BLOCK: usize = 4096;
@@ -240,7 +240,7 @@ impl<'a> Sampled<'a> {
         if count == 0 {
             return Sum::default();
         }
-        let blocks = par::map(par::ranges(count, BLOCK), |block| {
+        let blocks = parallel::map(parallel::ranges(count, BLOCK), |block| {
             let (mut sum, mut hint) = (Sum::default(), 0);
             samples(block, &mut |x| {
                 let Some(nearest) = other.nearest(x, hint) else { return };
@@ -254,7 +254,7 @@ impl<'a> Sampled<'a> {
 
     /// For each vertex the distance to `other`, 0 where that is nothing.
     pub fn vertex_distances(&self, other: &Surface) -> Vec<f64> {
-        let blocks = par::map(par::ranges(self.vertices.len(), BLOCK), |block| {
+        let blocks = parallel::map(parallel::ranges(self.vertices.len(), BLOCK), |block| {
             let mut hint = 0;
             let near = |&v: &u32| {
                 let Some(nearest) = other.nearest(self.mesh.positions[v as usize], hint) else { return 0.0 };
@@ -271,7 +271,7 @@ impl<'a> Sampled<'a> {
 
 /// Measure both directions between two valid meshes.
 pub fn geometry(a: &Mesh, b: &Mesh, options: &SampleOptions) -> Geometry {
-    let (a, b) = par::join(|| Sampled::new(a), || Sampled::new(b));
+    let (a, b) = parallel::join(|| Sampled::new(a), || Sampled::new(b));
     geometry_of(&a, &b, options)
 }
 
@@ -374,7 +374,7 @@ fn once(edges: Vec<[u32; 2]>, vertices: usize) -> Vec<[u32; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::generate;
+    use crate::samples;
 
     fn square(z: f64, parts: u32) -> Mesh {
         let mut mesh = Mesh::default();
@@ -436,7 +436,7 @@ mod tests {
 
     #[test]
     fn far_from_the_origin_and_on_any_number_of_threads() {
-        let (mut a, mut b) = (generate::asteroid(12, 1), generate::asteroid(5, 1));
+        let (mut a, mut b) = (samples::asteroid(12, 1), samples::asteroid(5, 1));
         let options = SampleOptions { samples: 3000, weights: Weights::Samples };
         let near = geometry(&a, &b, &options);
         #[cfg(feature = "parallel")]
@@ -454,9 +454,9 @@ mod tests {
 
     #[test]
     fn edges_points_crumbs_and_nothing() {
-        let book = generate::fan_book(5, 2, 1);
+        let book = samples::fan_book(5, 2, 1);
         let options = SampleOptions { samples: 500, weights: Weights::Area };
-        for mesh in [generate::crumbs(30, 1), generate::point_cloud(40, 2), generate::soup(30, 60, 1), book] {
+        for mesh in [samples::crumbs(30, 1), samples::point_cloud(40, 2), samples::soup(30, 60, 1), book] {
             let g = geometry(&mesh, &mesh, &options);
             assert!(g.max() < 1e-12, "{g:?}");
             assert_eq!(g.forward.vertices, mesh.vertex_count().min(500));

@@ -62,7 +62,7 @@ pub fn write_ply(out: &mut dyn Write, mesh: &Mesh, distances: &[f64], most: f64)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::generate;
+    use crate::samples;
 
     #[test]
     fn colours_run_from_dark_to_yellow() {
@@ -75,12 +75,12 @@ mod tests {
     #[cfg(feature = "formats")]
     #[test]
     fn the_file_is_the_mesh() {
-        let mesh = generate::crumbs(30, 1);
+        let mesh = samples::crumbs(30, 1);
         let distances: Vec<f64> = (0..mesh.vertex_count()).map(|v| v as f64).collect();
         let mut bytes = Vec::new();
         write_ply(&mut bytes, &mesh, &distances, 30.0).unwrap();
-        let options = crate::read::ReadOptions { weld: Some(false), ..Default::default() };
-        let back = crate::read::read_bytes(&bytes, crate::read::Format::Ply, None, &options).unwrap().mesh;
+        let options = crate::io::read::ReadOptions { weld: Some(false), ..Default::default() };
+        let back = crate::io::read::read_bytes(&bytes, crate::io::read::Format::Ply, None, &options).unwrap().mesh;
         assert_eq!(back.positions, mesh.positions);
         assert_eq!(back.face_count(), mesh.face_count());
     }

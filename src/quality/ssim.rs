@@ -5,7 +5,7 @@
 //! lie inside the picture, a Gaussian of 11 by 11 pixels with σ 1.5. The score is the product of the means, each to the power of its weight; a
 //! negative mean counts as 0. 1 says equal.
 
-use crate::picture::Picture;
+use crate::quality::picture::Picture;
 use thiserror::Error;
 
 /// The weights of the scales, from fine to coarse.

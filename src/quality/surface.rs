@@ -1,7 +1,7 @@
 //! A mesh as triangles in a tree of boxes, for nearest points.
 //!
 //! A mesh is the union of its triangles, its polygons, its dangling edges as segments and its isolated vertices as points. A polygon of
-//! more than three corners is the triangles between its edges and the mean of its corners (as in [`crate::metric`]), so that it is the
+//! more than three corners is the triangles between its edges and the mean of its corners (as in [`crate::encode::cost`]), so that it is the
 //! same surface whichever corner comes first.
 //!
 //! Triangles are kept in `f64` relative to the middle of the mesh: national grid coordinates have six digits before the point and
@@ -284,7 +284,7 @@ fn sort(items: &mut [Item]) {
     let (a, b) = items.split_at_mut(half);
     #[cfg(feature = "parallel")]
     if a.len() > SERIAL {
-        crate::par::join(|| sort(a), || sort(b));
+        crate::parallel::join(|| sort(a), || sort(b));
         return;
     }
     sort(a);
@@ -389,8 +389,8 @@ pub(super) fn nearest_weights(x: V, t: &[V; 3]) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::generate;
-    use crate::generate::Random;
+    use crate::samples;
+    use crate::samples::Random;
 
     fn brute(surface: &Surface, x: V) -> f64 {
         let x = sub(x, surface.centre);
@@ -426,12 +426,12 @@ mod tests {
     fn the_tree_finds_the_nearest() {
         let mut random = Random::new(5);
         for mut mesh in [
-            generate::asteroid(6, 1),
-            generate::crumbs(50, 2),
-            generate::point_cloud(70, 3),
-            generate::soup(40, 200, 4),
-            generate::mixed(6, 5, 5),
-            generate::sphere(1, 0.0, 0),
+            samples::asteroid(6, 1),
+            samples::crumbs(50, 2),
+            samples::point_cloud(70, 3),
+            samples::soup(40, 200, 4),
+            samples::mixed(6, 5, 5),
+            samples::sphere(1, 0.0, 0),
         ] {
             for shift in [0.0, 5.4e6] {
                 mesh.positions.iter_mut().flatten().for_each(|c| *c += shift);

@@ -3,7 +3,7 @@
 use super::distance::{Sampled, diagonal, foot};
 use super::surface::{Surface, V, cross, dot, sub};
 use crate::mesh::{Layer, LayerKind, Mesh, NO_VALUE};
-use crate::par;
+use crate::parallel;
 
 /// Samples that one task looks up.
 const BLOCK: usize = 4096;
@@ -76,7 +76,7 @@ fn blend(c: [[f64; 2]; 3], w: [f64; 3]) -> [f64; 2] {
 pub fn uv_error(a: &Sampled<'_>, b: &Sampled<'_>, index: usize, samples: usize) -> Option<UvError> {
     let (layer_a, layer_b) = (layer(a.mesh(), index)?, layer(b.mesh(), index)?);
     let slack = 1e-6 * diagonal(a.mesh());
-    let blocks = par::map(par::ranges(samples, BLOCK), |block| {
+    let blocks = parallel::map(parallel::ranges(samples, BLOCK), |block| {
         let (mut squares, mut hint) = (Vec::new(), 0);
         a.on_faces(block, samples, |triangle, w, x: V| {
             let Some(own) = corners(a.mesh(), layer_a, &a.surface, triangle) else { return };

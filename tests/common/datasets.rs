@@ -3,9 +3,9 @@
 //! The folder in `LODESTREAM_DATA` comes first, then `datasets/` in the repository; generated ones are always there. What is
 //! not found is skipped and named; with `CI=true` it is an error, so that no check is lost by accident.
 
-use lodestream::generate;
+use lodestream::io::read::{self, Format, ReadOptions};
 use lodestream::mesh::Mesh;
-use lodestream::read::{self, Format, ReadOptions};
+use lodestream::samples;
 use serde::Deserialize;
 use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
@@ -21,7 +21,7 @@ pub struct Dataset {
     pub source: Option<String>,
     pub licence: Option<String>,
     pub sha256: Option<String>,
-    /// Of a generated one: name, size and seed for `generate::by_name`.
+    /// Of a generated one: name, size and seed for `samples::by_name`.
     pub generated: Option<String>,
     #[serde(default)]
     pub size: u32,
@@ -110,7 +110,7 @@ impl Dataset {
     /// One line: the file is missing, not the one that `datasets.toml` means, or not readable.
     pub fn load(&self, weld: Option<bool>) -> Result<Mesh, String> {
         if let Some(generated) = &self.generated {
-            return generate::by_name(generated, self.size, self.seed)
+            return samples::by_name(generated, self.size, self.seed)
                 .ok_or_else(|| format!("{}: nothing generated is called {generated}", self.name));
         }
         let file = self.file().ok_or_else(|| format!("{}: not found", self.name))?;

@@ -2,7 +2,7 @@
 //! the bounds that it checks.
 //!
 //! A mesh is the union of its triangles, its polygons, its dangling edges as segments and its isolated vertices as points.
-//! A polygon of more than three corners is what `lodestream::metric` says it is: the triangles between its edges and
+//! A polygon of more than three corners is what `lodestream::encode::cost` says it is: the triangles between its edges and
 //! the mean of its corners.
 
 use lodestream::mesh::Mesh;

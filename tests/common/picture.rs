@@ -1,6 +1,6 @@
 //! Any bytes as an image: what the fuzz target does, and the replay of what it has found.
 
-use lodestream::texture::{Exactness, MAX_COEFFICIENT_BYTES, Way, cut, restore, same_picture};
+use lodestream::image::jpeg::{Exactness, MAX_COEFFICIENT_BYTES, Way, cut, restore, same_picture};
 
 /// Cut the bytes as an image: they come back. Then take them for a file and its recipe: bytes or an error, within the memory allowed.
 pub fn check(bytes: &[u8]) {

@@ -1,8 +1,8 @@
 //! Any bytes as a stream with valid checksums, and what a decoder has to hold to: shared by the fuzz target `decode`
 //! and the replay of its findings. Without the repair no fuzzer would get past the first checksum.
 
-use lodestream::container::{Front, Parsed};
-use lodestream::decode::{DecodeOptions, Decoder, Step};
+use lodestream::format::container::{Front, Parsed};
+use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
 
 /// A number as LEB128 from `at` on, and where it ends.
 fn leb128(bytes: &[u8], at: usize) -> Option<(u64, usize)> {

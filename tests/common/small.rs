@@ -2,9 +2,9 @@
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 use lodestream::encode::{EncodeOptions, encode};
-use lodestream::generate::{crumbs, fan_book, mixed, point_cloud, soup, sphere, torus};
-use lodestream::lattice::Quantization;
+use lodestream::mesh::lattice::Quantization;
 use lodestream::mesh::{Appearance, Image, Layer, LayerKind, Mesh, NO_VALUE, Stored};
+use lodestream::samples::{crumbs, fan_book, mixed, point_cloud, soup, sphere, torus};
 
 /// xorshift64*, the same on every machine.
 #[derive(Clone, Debug)]

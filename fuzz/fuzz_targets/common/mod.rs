@@ -1,6 +1,6 @@
 //! What every reader's target checks.
 
-use lodestream::read::{Format, ReadErrorKind, ReadOptions, read_bytes};
+use lodestream::io::read::{Format, ReadErrorKind, ReadOptions, read_bytes};
 
 /// Read once as the format likes it and once with the opposite about welding.
 pub fn read(format: Format, bytes: &[u8]) {

@@ -10,7 +10,7 @@ use crate::shared::{self, Machine};
 use anyhow::{Result, bail};
 use clap::ValueEnum;
 use lodestream::mesh::{Layer, LayerKind, Mesh, Stored};
-use lodestream::picture::{Cpu, Picture, Renderer, Scene, Shading, View};
+use lodestream::quality::picture::{Cpu, Picture, Renderer, Scene, Shading, View};
 use lodestream::quality::{self, Directed, Geometry, SampleOptions, Sampled, ViewOptions, Weights};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};

@@ -7,11 +7,11 @@ use crate::progress::Bars;
 use crate::shared::{self, Machine};
 use crate::stream::Stream;
 use anyhow::{Context, Result, bail};
-use lodestream::compare;
 use lodestream::encode::{self, EncodeOptions, Progress};
-use lodestream::generate;
 use lodestream::mesh::Mesh;
-use lodestream::picture::{self, Picture, Shading, Tile, View};
+use lodestream::quality::exact;
+use lodestream::quality::picture::{self, Picture, Shading, Tile, View};
+use lodestream::samples;
 use std::fmt::Write as _;
 use std::io::{self, Cursor, IsTerminal};
 use std::path::PathBuf;
@@ -49,7 +49,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
 
         // Four fifths of the vertices in one closed surface, the rest in crumbs of a bit less than three each.
         let frequency = (f64::from(args.vertices) * 0.08).sqrt().max(1.0) as u32;
-        let mesh = generate::ringed_asteroid(frequency, args.vertices / 14, u64::from(args.seed));
+        let mesh = samples::ringed_asteroid(frequency, args.vertices / 14, u64::from(args.seed));
         let mut output = Output::create(&source)?;
         output.write_mesh(&mesh, None)?;
         output.commit()?;
@@ -81,7 +81,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
 
         let start = Instant::now();
         let (tiles, decoded, lattice) = decode_and_draw(&file, encoded.bytes, &mesh, &bars)?;
-        if let Err(difference) = compare::by_map(&mesh, &decoded, &lattice, &encoded.map) {
+        if let Err(difference) = exact::by_map(&mesh, &decoded, &lattice, &encoded.map) {
             bail!("the decoded mesh differs from the source: {difference}; please report this");
         }
         let title = format!("lodestream: one file of {}, {} of its levels", shared::human_bytes(bytes), tiles.len());
@@ -111,7 +111,7 @@ fn decode_and_draw(
     bytes: Vec<u8>,
     source: &Mesh,
     bars: &Bars,
-) -> Result<(Vec<Tile>, Mesh, lodestream::lattice::Lattice)> {
+) -> Result<(Vec<Tile>, Mesh, lodestream::mesh::lattice::Lattice)> {
     let view = View::z_up(source, -0.5, 0.35);
     let mut stream = Stream::new(file.display().to_string(), Box::new(Cursor::new(bytes)))?;
     let front = stream.front().clone();

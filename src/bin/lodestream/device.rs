@@ -5,13 +5,13 @@
 //! without the feature `gpu` takes the same options, and says that it has none.
 
 use crate::shared;
+use lodestream::encode::cost::{DeviceChoice, Engine, Evaluator};
+#[cfg(feature = "gpu")]
+use lodestream::encode::cost::{EvaluateError, Fixed, Task};
+use lodestream::encode::trace::Trace;
 #[cfg(feature = "gpu")]
 use lodestream::gpu::{Device, DeviceError, DeviceOptions, SharedGpu};
 use lodestream::ingest::Engines;
-use lodestream::metric::{DeviceChoice, Engine, Evaluator};
-#[cfg(feature = "gpu")]
-use lodestream::metric::{EvaluateError, Fixed, Task};
-use lodestream::trace::Trace;
 use std::sync::{Arc, OnceLock};
 
 /// `auto` leaves smaller meshes to the processor: vertices for each of its threads. Finding a device and compiling

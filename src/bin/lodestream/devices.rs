@@ -4,8 +4,8 @@ use crate::Outcome;
 use crate::device::WORTH;
 use crate::shared;
 use anyhow::Result;
+use lodestream::encode::cost::DeviceChoice;
 use lodestream::gpu::{DeviceInfo, DeviceKind, DeviceOptions, devices, select_device};
-use lodestream::metric::DeviceChoice;
 use serde_json::{Value, json};
 
 #[derive(clap::Args)]

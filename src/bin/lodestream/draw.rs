@@ -5,9 +5,9 @@
 //! `gpu` takes the same options, and says that it has none.
 
 use crate::shared;
+use lodestream::encode::cost::DeviceChoice;
 use lodestream::mesh::Mesh;
-use lodestream::metric::DeviceChoice;
-use lodestream::picture::{Cpu, Renderer};
+use lodestream::quality::picture::{Cpu, Renderer};
 use lodestream::quality::{Appearance, Snapshots, SsimError, ViewOptions};
 
 #[cfg(feature = "gpu")]

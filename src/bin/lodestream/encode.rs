@@ -7,15 +7,15 @@ use crate::progress::Bars;
 use crate::shared::{self, Input, Machine};
 use anyhow::{Context, Result};
 use clap::ValueEnum;
+use lodestream::encode::quality_order::{self, Effort, Order, Scheduled};
+use lodestream::encode::trace::Trace;
 use lodestream::encode::{self, EncodeOptions, EncodeReport, Encoded, ImageReport, Progress, Stage};
-use lodestream::lattice::Quantization;
-use lodestream::quantizer::Precision;
-use lodestream::read::{DropSet, ReadMesh, ReadOptions};
-use lodestream::recompress::preview::{Previews, add_previews};
-use lodestream::recompress::{Recompressed, Sampling, Textures, recompress};
-use lodestream::schedule::{self, Effort, Order, Scheduled};
-use lodestream::texture::{Exactness, Odd, Way};
-use lodestream::trace::Trace;
+use lodestream::image::jpeg::{Exactness, Odd, Way};
+use lodestream::image::preview::{Previews, add_previews};
+use lodestream::image::recompress::{Recompressed, Sampling, Textures, recompress};
+use lodestream::io::read::{DropSet, ReadMesh, ReadOptions};
+use lodestream::mesh::lattice::Quantization;
+use lodestream::mesh::quantizer::Precision;
 use serde_json::{Value, json};
 use std::io::{BufWriter, Write};
 use std::path::PathBuf;
@@ -170,11 +170,11 @@ impl ImageArgs {
             return Ok(None);
         }
         let clock = Instant::now();
-        let mut options = schedule::Options { effort: self.schedule_effort, ..schedule::Options::default() };
+        let mut options = quality_order::Options { effort: self.schedule_effort, ..quality_order::Options::default() };
         // The file is our own: what it takes has been there before.
         options.memory_limit = memory_limit.unwrap_or(u64::MAX);
         let show = |drawn: usize, all: usize| bars.show("order", drawn as u64, all as u64);
-        let mut scheduled = schedule::by_quality(&encoded.bytes, &options, &show)?;
+        let mut scheduled = quality_order::by_quality(&encoded.bytes, &options, &show)?;
         encoded.bytes = std::mem::take(&mut scheduled.bytes);
         Ok(Some(Ordered { scheduled, seconds: shared::seconds(clock) }))
     }

@@ -4,7 +4,7 @@ use crate::Outcome;
 use crate::shared;
 use crate::stream::Stream;
 use anyhow::Result;
-use lodestream::container::{ChunkInfo, Front, Kind};
+use lodestream::format::container::{ChunkInfo, Front, Kind};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -99,7 +99,7 @@ fn object(stream: &Stream) -> Value {
         })
     };
     json!({
-        "version": lodestream::container::VERSION,
+        "version": lodestream::format::container::VERSION,
         "vertices": header.vertices(),
         "faces": header.elements(),
         "corners": header.corners(),
@@ -120,7 +120,7 @@ fn text(stream: &Stream, chunks: bool) -> String {
     let [x, y, z] = header.lattice.origin;
     let chosen = header.position_bits.map_or(String::new(), |bits| format!(" ({bits} bits)"));
     let mut out = shared::table(&[
-        ("format", format!(".lods version {}", lodestream::container::VERSION)),
+        ("format", format!(".lods version {}", lodestream::format::container::VERSION)),
         ("vertices", shared::thousands(u64::from(header.vertices()))),
         ("faces", shared::thousands(u64::from(header.elements()))),
         ("components", shared::thousands(u64::from(header.components))),

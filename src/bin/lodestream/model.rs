@@ -5,8 +5,8 @@ use crate::progress::Bars;
 use crate::shared::{self, Machine};
 use crate::stream::Stream;
 use anyhow::{Context, Result, bail};
+use lodestream::io::read::ReadOptions;
 use lodestream::mesh::Mesh;
-use lodestream::read::ReadOptions;
 use std::path::Path;
 
 /// A mesh and what it was.

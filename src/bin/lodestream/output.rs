@@ -2,10 +2,10 @@
 //! with whatever ends the program early, an error or Ctrl-C.
 
 use anyhow::{Context, Result, bail};
-use lodestream::lattice::Lattice;
+use lodestream::io::read::Format;
+use lodestream::io::write::{self, WriteError, WriteWarning};
 use lodestream::mesh::Mesh;
-use lodestream::read::Format;
-use lodestream::write::{self, WriteError, WriteWarning};
+use lodestream::mesh::lattice::Lattice;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};

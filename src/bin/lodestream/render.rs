@@ -9,7 +9,7 @@ use crate::shared::{self, Machine};
 use anyhow::{Result, bail};
 use clap::ValueEnum;
 use lodestream::mesh::Mesh;
-use lodestream::picture::{Scene, Shading, View};
+use lodestream::quality::picture::{Scene, Shading, View};
 use std::path::PathBuf;
 use std::time::Instant;
 

@@ -1,7 +1,7 @@
 //! What several commands need: how options are written, memory and time, JSON, warnings.
 
 use anyhow::{Context, Result, bail};
-use lodestream::read::{self, Format, ReadMesh, ReadOptions};
+use lodestream::io::read::{self, Format, ReadMesh, ReadOptions};
 use std::fmt::Write as _;
 use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};

@@ -3,8 +3,8 @@
 use crate::progress::Bars;
 use crate::shared;
 use anyhow::{Context, Result};
-use lodestream::container::{ContainerError, Front, Kind, MAGIC, Parsed};
-use lodestream::decode::{DecodeOptions, Decoder, MissingImages, Step};
+use lodestream::format::container::{ContainerError, Front, Kind, MAGIC, Parsed};
+use lodestream::format::decoder::{DecodeOptions, Decoder, MissingImages, Step};
 use std::io::Read;
 use std::path::Path;
 use std::time::{Duration, Instant};

@@ -5,10 +5,10 @@ use crate::progress::Bars;
 use crate::shared::{self, Machine};
 use crate::stream::Stream;
 use anyhow::{Context, Result, bail};
-use lodestream::compare::{self, Difference};
-use lodestream::container::Header;
+use lodestream::format::container::Header;
+use lodestream::io::read::{Format, ReadOptions};
 use lodestream::mesh::{Image, Mesh};
-use lodestream::read::{Format, ReadOptions};
+use lodestream::quality::exact::{self, Difference};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -134,7 +134,7 @@ struct Verdict {
 
 fn against(args: &Args, source: &Path, decoded: &Mesh, header: &Header) -> Result<Verdict> {
     let lattice = &header.lattice;
-    let key = compare::quantized(&header.attributes.layers);
+    let key = exact::quantized(&header.attributes.layers);
     if shared::is_dash(source) && shared::is_dash(&args.input) {
         bail!("the file and its source cannot both come from standard input");
     }
@@ -148,8 +148,8 @@ fn against(args: &Args, source: &Path, decoded: &Mesh, header: &Header) -> Resul
         let mut mesh = read(Some(false))?.mesh;
         drop_welded_edges(&mut mesh, &map);
         let not_kept = leave_out(&mut mesh, decoded);
-        let difference = compare::by_map(&mesh, decoded, lattice, &map)
-            .and_then(|()| compare::attributes_by_map(&mesh, decoded, &map, &key))
+        let difference = exact::by_map(&mesh, decoded, lattice, &map)
+            .and_then(|()| exact::attributes_by_map(&mesh, decoded, &map, &key))
             .err();
         return Ok(Verdict { complete: true, difference, not_kept });
     }
@@ -165,8 +165,8 @@ fn against(args: &Args, source: &Path, decoded: &Mesh, header: &Header) -> Resul
         }
     }
     let not_kept = leave_out(&mut mesh, decoded);
-    let difference = compare::by_position(&mesh, decoded, lattice)
-        .and_then(|()| compare::attributes_by_position(&mesh, decoded, lattice, &key))
+    let difference = exact::by_position(&mesh, decoded, lattice)
+        .and_then(|()| exact::attributes_by_position(&mesh, decoded, lattice, &key))
         .err();
     Ok(Verdict { complete: false, difference, not_kept })
 }

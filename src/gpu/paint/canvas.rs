@@ -6,10 +6,10 @@
 use crate::gpu::buffers::{Growing, INPUT, Results, UNIFORM, settle};
 use crate::gpu::device::Device;
 use crate::gpu::error::DeviceError;
-use crate::picture::scene::{NONE, Scene};
-use crate::picture::screen::{EMPTY, SAMPLES, Screen, codes, plain_lights};
-use crate::picture::texture::Texture;
-use crate::picture::{Picture, View};
+use crate::quality::picture::scene::{NONE, Scene};
+use crate::quality::picture::screen::{EMPTY, SAMPLES, Screen, codes, plain_lights};
+use crate::quality::picture::texture::Texture;
+use crate::quality::picture::{Picture, View};
 
 use super::pipelines::{DEPTH, GROUP, IDS, Pipelines};
 use super::upload::{Depths, FRAME, Images, Slot, Window, paints, windows};

@@ -1,4 +1,4 @@
-//! Pictures on a device; twin of [`picture::Cpu`](crate::picture::Cpu).
+//! Pictures on a device; twin of [`picture::Cpu`](crate::quality::picture::Cpu).
 //!
 //! The device's rasterizer finds the nearest triangle at each sample, a kernel lights what is seen, another makes pixels of it: the steps of
 //! the twin in its order, with its formulas (`shaders/scene.wgsl`). Points are projected by the processor, for both. What can differ is
@@ -17,8 +17,8 @@ use std::sync::{Mutex, PoisonError};
 
 use super::device::Device;
 use super::error::DeviceError;
-use crate::par;
-use crate::picture::{Cpu, Picture, Renderer, Scene, View};
+use crate::parallel;
+use crate::quality::picture::{Cpu, Picture, Renderer, Scene, View};
 use canvas::Canvas;
 use pipelines::Pipelines;
 
@@ -88,14 +88,14 @@ impl GpuRenderer {
             Err(error) => return (0, Err(error)),
         };
         let hand_over = |ready: Vec<(usize, Picture)>| {
-            par::map(ready, |(i, picture)| each(i, picture));
+            parallel::map(ready, |(i, picture)| each(i, picture));
         };
         let mut ready: Vec<(usize, Picture)> = Vec::new();
         for range in batches(views.len()) {
             let start = range.start;
             let last = std::mem::take(&mut ready);
             // What is drawn already is looked at while the device draws on.
-            let (drawn, ()) = par::join(
+            let (drawn, ()) = parallel::join(
                 || range.map(|i| Ok((i, self.draw_one(&mut canvas, &views[i])?))).collect::<Result<Vec<_>, _>>(),
                 || hand_over(last),
             );

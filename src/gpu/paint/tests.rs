@@ -6,12 +6,12 @@ use proptest::prelude::*;
 
 use super::upload::{FRAME, HAS_COLOURS, HAS_UVS, PAINT, ROW, TRIANGLE};
 use super::*;
-use crate::generate::{self, Random};
 use crate::gpu::DeviceOptions;
 use crate::gpu::shader::compose;
 use crate::gpu::tests::{bindings, layout, test_device, validated};
 use crate::mesh::{Appearance, Image, Layer, LayerKind, Mesh, NO_VALUE, Stored};
-use crate::picture::Shading;
+use crate::quality::picture::Shading;
+use crate::samples::{self, Random};
 
 /// Levels of 255 that rounding may move a channel: a step of light where the code of a dark one is steepest, and one more.
 const LEVELS: u8 = 2;
@@ -118,10 +118,10 @@ fn shaders_are_valid_and_laid_out_as_rust_assumes() {
         format!("const HAS_UVS: u32 = {HAS_UVS:#010x}u;"),
         format!("const HAS_COLOURS: u32 = {HAS_COLOURS:#010x}u;"),
         format!("const ROW: u32 = {ROW}u;"),
-        format!("const EMPTY: u32 = {:#x}u;", crate::picture::screen::EMPTY),
-        format!("const DANGLING: u32 = {:#x}u;", crate::picture::screen::DANGLING),
-        format!("const CODES: f32 = {}.0;", crate::picture::screen::CODES),
-        format!("const PARTS: i32 = {};", crate::picture::screen::PARTS),
+        format!("const EMPTY: u32 = {:#x}u;", crate::quality::picture::screen::EMPTY),
+        format!("const DANGLING: u32 = {:#x}u;", crate::quality::picture::screen::DANGLING),
+        format!("const CODES: f32 = {}.0;", crate::quality::picture::screen::CODES),
+        format!("const PARTS: i32 = {};", crate::quality::picture::screen::PARTS),
     ] {
         assert!(text.lines().any(|l| l == line), "{line}");
     }
@@ -130,8 +130,8 @@ fn shaders_are_valid_and_laid_out_as_rust_assumes() {
 #[test]
 fn twins_draw_the_same_shapes() {
     let Some(gpu) = renderer(None) else { return };
-    for name in generate::NAMES {
-        let mesh = generate::by_name(name, 900, 3).unwrap();
+    for name in samples::NAMES {
+        let mesh = samples::by_name(name, 900, 3).unwrap();
         for shading in [Shading::Smooth, Shading::Flat, Shading::Wire] {
             agree(&gpu, &format!("{name} {shading:?}"), &Scene::new(&mesh, shading), &sides(&mesh), [120, 90]);
         }
@@ -139,7 +139,7 @@ fn twins_draw_the_same_shapes() {
     let empty = Mesh::default();
     agree(&gpu, "nothing", &Scene::new(&empty, Shading::Smooth), &[View::front(&empty)], [9, 7]);
     // Coordinates that single precision cannot tell apart.
-    let mut far = generate::asteroid(12, 3);
+    let mut far = samples::asteroid(12, 3);
     far.positions.iter_mut().for_each(|p| *p = [p[0] + 4.5e6, p[1] + 5.5e6, p[2]]);
     agree(&gpu, "far", &Scene::new(&far, Shading::Flat), &sides(&far), [100, 100]);
 }
@@ -147,7 +147,7 @@ fn twins_draw_the_same_shapes() {
 #[test]
 fn triangles_in_each_other_show_the_first() {
     let Some(gpu) = renderer(None) else { return };
-    let mut mesh = generate::asteroid(9, 5);
+    let mut mesh = samples::asteroid(9, 5);
     let faces: Vec<Vec<u32>> = mesh.faces().map(<[u32]>::to_vec).collect();
     let count = mesh.positions.len() as u32;
     mesh.positions.extend_from_within(..);
@@ -255,8 +255,8 @@ fn shared() -> Option<&'static GpuRenderer> {
 fn windows_and_tiles_make_the_same_picture() {
     // Two windows stay on the device, others take turns; the picture is drawn in tiles of 64 pixels.
     let Some(gpu) = renderer(Some(1 << 20)) else { return };
-    let mut mesh = generate::by_name("mixed", 6000, 3).unwrap();
-    let extra = generate::by_name("crumbs", 300, 3).unwrap();
+    let mut mesh = samples::by_name("mixed", 6000, 3).unwrap();
+    let extra = samples::by_name("crumbs", 300, 3).unwrap();
     let first = mesh.positions.len() as u32;
     mesh.positions.extend(extra.positions.iter());
     extra.faces().for_each(|f| mesh.push_face(&f.iter().map(|v| v + first).collect::<Vec<u32>>()));
@@ -284,7 +284,7 @@ fn a_lost_device_leaves_the_rest_to_the_processor() {
     for lost in [0, 3, 8, 11] {
         let Some(mut gpu) = renderer(None) else { return };
         gpu.lose_after(lost);
-        let mesh = generate::asteroid(6, 1);
+        let mesh = samples::asteroid(6, 1);
         let scene = Scene::new(&mesh, Shading::Smooth);
         let views: Vec<View> = (0..12).map(|i| View::from_angles(&mesh, f64::from(i), 0.3)).collect();
         let drawn = Mutex::new(vec![0; views.len()]);

@@ -5,10 +5,10 @@ use std::ops::Range;
 use crate::gpu::buffers::{Growing, INPUT, UNIFORM, settle};
 use crate::gpu::device::Device;
 use crate::gpu::error::DeviceError;
-use crate::par;
-use crate::picture::scene::{NONE, Scene};
-use crate::picture::screen::{Screen, Seen};
-use crate::picture::texture::{Texture, Wrap};
+use crate::parallel;
+use crate::quality::picture::scene::{NONE, Scene};
+use crate::quality::picture::screen::{Screen, Seen};
+use crate::quality::picture::texture::{Texture, Wrap};
 
 use super::pipelines::{Pipelines, TEXELS};
 
@@ -97,7 +97,7 @@ impl Slot {
 
     /// Where the points of a window are seen.
     pub fn put_points(&mut self, device: &Device, window: &[u32], screen: &Screen, depths: Depths) {
-        let words = par::map(par::ranges(window.len(), 1 << 14), |range| {
+        let words = parallel::map(parallel::ranges(window.len(), 1 << 14), |range| {
             window[range].iter().map(|&p| depths.words(screen.seen[p as usize])).collect::<Vec<[u32; 4]>>()
         });
         self.seen.put(device, words.concat().as_flattened());
@@ -106,7 +106,7 @@ impl Slot {
     /// Triangles of a window whose points `numbers` counts.
     fn put_triangles(&mut self, device: &Device, scene: &Scene, window: Range<usize>, numbers: &[u32]) {
         let coloured = !scene.colours.is_empty();
-        let parts = par::map(par::ranges(window.len(), 1 << 13), |part| {
+        let parts = parallel::map(parallel::ranges(window.len(), 1 << 13), |part| {
             let mut words = Vec::with_capacity(part.len());
             let mut colours = Vec::new();
             for triangle in &scene.triangles[window.start + part.start..window.start + part.end] {
