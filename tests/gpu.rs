@@ -4,6 +4,7 @@
 //! skipped, and with `CI=true` fail.
 #![cfg(feature = "gpu")]
 
+#[path = "suite/common/mod.rs"]
 mod common;
 
 use common::{Scratch, lodestream_in};

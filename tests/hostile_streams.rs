@@ -4,7 +4,7 @@
 //! watches that; it counts the whole process, so this binary holds one test.
 #![cfg(all(feature = "encode", feature = "samples"))]
 
-#[path = "common/small.rs"]
+#[path = "suite/common/small.rs"]
 mod small;
 
 use lodestream::format::attributes::Wardrobe;

@@ -11,7 +11,7 @@
 //! target folder. Encoding and peak memory are measured in child processes of the program itself, decoding in a
 //! child of this bench that stops at the full level in memory. Times are the best of a few runs.
 
-#[path = "../../tests/common/datasets.rs"]
+#[path = "../../tests/suite/common/datasets.rs"]
 #[allow(dead_code, reason = "shared with the tests, which use other parts")]
 mod datasets;
 mod draco;

@@ -4,7 +4,7 @@
 
 use libfuzzer_sys::fuzz_target;
 
-#[path = "../../tests/common/repair.rs"]
+#[path = "../../tests/suite/common/repair.rs"]
 mod repair;
 
 fuzz_target!(|bytes: &[u8]| {

@@ -3,7 +3,7 @@
 
 use libfuzzer_sys::fuzz_target;
 
-#[path = "../../tests/common/picture.rs"]
+#[path = "../../tests/suite/common/picture.rs"]
 mod picture;
 
 fuzz_target!(|bytes: &[u8]| picture::check(bytes));

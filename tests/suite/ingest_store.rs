@@ -1,9 +1,7 @@
 //! `lodestream ingest` from and to a bucket on loopback, in health and in sickness.
 
-mod common;
-
-use common::Run;
-use common::bucket::{Bucket, Fault};
+use crate::common::Run;
+use crate::common::bucket::{Bucket, Fault};
 use lodestream::io::read::Format;
 use lodestream::io::write::write_to;
 use lodestream::samples;
@@ -29,7 +27,7 @@ fn filled(count: u32) -> Bucket {
 
 /// Run the program against a bucket.
 fn ingest(bucket: &Bucket, words: &str) -> Run {
-    common::lodestream_in(&std::env::temp_dir(), words, &bucket.environment())
+    crate::common::lodestream_in(&std::env::temp_dir(), words, &bucket.environment())
 }
 
 fn outputs(bucket: &Bucket, prefix: &str) -> BTreeMap<String, Vec<u8>> {
@@ -56,10 +54,13 @@ fn a_bucket_becomes_a_bucket_in_pages_and_resumes() {
     let run = ingest(&bucket, "ingest s3://scans/raw/ -o s3://scans/out --resume").ok();
     assert!(run.stdout.contains("20: 0 done, 20 skipped"), "{}", run.stdout);
     // From the bucket to a folder, by a pattern, gives the same bytes.
-    let folder = common::Scratch::new("store-folder");
-    let run =
-        common::lodestream_in(folder.folder(), "ingest s3://scans/raw/**/scan-00*.ply -o out", &bucket.environment())
-            .ok();
+    let folder = crate::common::Scratch::new("store-folder");
+    let run = crate::common::lodestream_in(
+        folder.folder(),
+        "ingest s3://scans/raw/**/scan-00*.ply -o out",
+        &bucket.environment(),
+    )
+    .ok();
     assert!(run.stdout.contains("4: 4 done"), "{}", run.stdout);
     // The pattern begins below raw/.
     assert_eq!(std::fs::read(folder.path("out/day 0/scan-000.lods")).unwrap(), first["day 0/scan-000.lods"]);
@@ -131,7 +132,7 @@ fn a_store_that_hangs_is_given_up_in_time() {
 
 #[test]
 fn what_lies_beside_a_source_comes_along_and_large_outputs_are_complete_before_they_are_seen() {
-    let folder = common::Scratch::new("store-beside");
+    let folder = crate::common::Scratch::new("store-beside");
     let bucket = Bucket::start();
     let object =
         b"mtllib ../looks/rock.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl x\nf 1/1 2/2 3/3\n";
@@ -149,7 +150,7 @@ fn what_lies_beside_a_source_comes_along_and_large_outputs_are_complete_before_t
         std::fs::write(path, &bytes).unwrap();
         bucket.put(&format!("raw/{name}"), bytes);
     }
-    common::lodestream(folder.folder(), "ingest raw -o out").ok();
+    crate::common::lodestream(folder.folder(), "ingest raw -o out").ok();
     let local = std::fs::read(folder.path("out/rocks/rock.lods")).unwrap();
     assert!(local.len() > 66 << 20, "the image is in the output: {} bytes", local.len());
 

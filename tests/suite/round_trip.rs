@@ -1,9 +1,7 @@
 //! Everything comes back: through `verify --against` of the real program, and through the library by the comparison that
 //! knows nothing of the codec. On every mesh of `datasets.toml` that has faces, and the generated ones.
 
-mod common;
-
-use common::{Scratch, datasets, lodestream};
+use crate::common::{Scratch, datasets, lodestream};
 use lodestream::encode::{EncodeOptions, encode};
 use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
 use lodestream::io::write::{self, WriteOptions};

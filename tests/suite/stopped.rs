@@ -1,9 +1,7 @@
 //! A program that is stopped, refused or out of space leaves no file behind, the temporary one included.
 #![cfg(unix)]
 
-mod common;
-
-use common::{Scratch, lodestream};
+use crate::common::{Scratch, lodestream};
 use lodestream::io::write::{self, WriteOptions};
 use lodestream::samples;
 use std::io::Write;

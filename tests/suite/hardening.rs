@@ -2,9 +2,7 @@
 //! meshes with vertices of huge valence, through the whole codec.
 #![cfg(all(feature = "encode", feature = "samples"))]
 
-#[path = "common/small.rs"]
-mod small;
-
+use crate::common::small;
 use lodestream::format::container::{ContainerError, Front, Parsed};
 use lodestream::format::decoder::{DecodeError, DecodeOptions, Decoder, Step};
 use lodestream::mesh::{Layer, LayerKind, Mesh};

@@ -1,10 +1,8 @@
 //! What the header says of each level's error is true: no point measured is farther than the bound, and the bound is not
 //! idle talk.
 
-mod common;
-
-use common::datasets;
-use common::distance::{Surface, symmetric};
+use crate::common::datasets;
+use crate::common::distance::{Surface, symmetric};
 use lodestream::encode::{EncodeOptions, encode};
 use lodestream::format::container::Header;
 use lodestream::format::decoder::{DecodeOptions, Decoder, Step};

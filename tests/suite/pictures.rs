@@ -4,9 +4,7 @@
 //! skipped, and with `CI=true` fail.
 #![cfg(feature = "gpu")]
 
-mod common;
-
-use common::{Scratch, datasets, lodestream_in};
+use crate::common::{Scratch, datasets, lodestream_in};
 use lodestream::gpu::{Device, DeviceChoice, DeviceOptions, GpuRenderer};
 use lodestream::io::write::{self, WriteOptions};
 use lodestream::mesh::Mesh;

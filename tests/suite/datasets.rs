@@ -1,8 +1,6 @@
 //! `datasets.toml` says what is true: files are there (in CI), are those that are meant, and have the counts that it states.
 
-mod common;
-
-use common::datasets::{self, Dataset};
+use crate::common::datasets::{self, Dataset};
 use std::collections::HashSet;
 
 #[test]

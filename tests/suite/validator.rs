@@ -1,13 +1,11 @@
 //! What is written as GLB, held against the Khronos validator (`scripts/validate-gltf`), where node and its package are there.
 #![cfg(feature = "formats")]
 
-mod common;
-
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use common::datasets;
+use crate::common::datasets;
 use lodestream::io::write::{WriteOptions, write_path};
 use lodestream::mesh::{Image, Layer, LayerKind, Mesh, NO_VALUE, Stored};
 

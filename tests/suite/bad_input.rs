@@ -1,8 +1,6 @@
 //! Bad input gets one clear line, exit code 1 (2 for wrong usage), and leaves no file behind.
 
-mod common;
-
-use common::{Scratch, lodestream};
+use crate::common::{Scratch, lodestream};
 use lodestream::io::write::{self, WriteOptions};
 use lodestream::samples;
 

@@ -1,9 +1,7 @@
 //! JPEG textures in the stream: pieces, orders of chunks, prefixes, exact bytes, damage.
 #![cfg(all(feature = "encode", feature = "samples"))]
 
-#[path = "common/small.rs"]
-mod small;
-
+use crate::common::small;
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use lodestream::encode::{EncodeOptions, Encoded, Schedule, encode};
 use lodestream::format::container::{Chunk, Front, Kind, Parsed, Preview, write};

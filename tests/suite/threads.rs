@@ -1,9 +1,7 @@
 //! The bytes of a file do not depend on how many threads made it.
 #![cfg(all(feature = "encode", feature = "samples"))]
 
-#[path = "common/small.rs"]
-mod small;
-
+use crate::common::small;
 use lodestream::encode::{EncodeOptions, encode};
 use lodestream::format::container::{Front, Kind, Parsed};
 use lodestream::format::decoder::{DecodeOptions, Decoder, Step};

@@ -2,9 +2,7 @@
 
 #![cfg(unix)]
 
-mod common;
-
-use common::{Scratch, lodestream};
+use crate::common::{Scratch, lodestream};
 use lodestream::io::write::{self, WriteOptions};
 use lodestream::mesh::{Layer, LayerKind, Mesh, Stored};
 use lodestream::samples;

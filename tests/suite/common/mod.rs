@@ -1,9 +1,12 @@
 //! What the tests and the benches share.
-#![allow(dead_code, reason = "each test binary uses its own part")]
+#![allow(dead_code, reason = "each binary uses its own part")]
 
 pub mod bucket;
 pub mod datasets;
 pub mod distance;
+pub mod picture;
+pub mod repair;
+pub mod small;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

@@ -1,12 +1,10 @@
 //! Files of this version of the format decode for ever: `golden/v1` holds them, and what they decode to.
 //!
-//! While the format may still change, `LODESTREAM_BLESS=1 cargo test --test golden` writes them anew.
+//! While the format may still change, `LODESTREAM_BLESS=1 cargo test --test suite golden` writes them anew.
 #![cfg(feature = "samples")]
 
+use crate::common::small;
 #[cfg(feature = "encode")]
-#[path = "common/small.rs"]
-mod small;
-
 use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
 use std::fs;
 use std::path::PathBuf;

@@ -1,9 +1,7 @@
 //! What a viewer does with attributes, materials and images: levels with their wedges as they come, images fetched apart.
 #![cfg(all(feature = "encode", feature = "samples"))]
 
-#[path = "common/small.rs"]
-mod small;
-
+use crate::common::small;
 use lodestream::format::complex::NONE;
 use lodestream::format::container::{Front, Kind, Parsed};
 use lodestream::format::decoder::{DecodeError, DecodeOptions, Decoder, Step};

@@ -1,8 +1,6 @@
 //! The order by quality: the same file in another order, each prefix of which looks at least as good.
 #![cfg(all(feature = "encode", feature = "quality", feature = "recompress", feature = "samples"))]
 
-mod common;
-
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use lodestream::encode::quality_order::{Effort, Options, ScheduleError, Scheduled, by_quality};
 use lodestream::encode::{EncodeOptions, Schedule, encode};
@@ -233,7 +231,7 @@ fn what_cannot_be_put_in_order_says_why() {
 
 #[test]
 fn ingest_puts_files_in_order_as_encode_does() {
-    let scratch = common::Scratch::new("ordered");
+    let scratch = crate::common::Scratch::new("ordered");
     let folder = scratch.folder();
     write_path(scratch.path("ball.glb"), &textured(192), None, &WriteOptions::default()).expect("it is written");
     scratch.write("plain.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
@@ -241,10 +239,13 @@ fn ingest_puts_files_in_order_as_encode_does() {
         "jobs.toml",
         "[[job]]\nsource = \"ball.glb\"\nschedule = \"quality\"\n[[job]]\nsource = \"plain.obj\"\n",
     );
-    common::lodestream(folder, "encode ball.glb -o one.lods --schedule quality --schedule-effort low").ok();
-    common::lodestream(folder, "ingest ball.glb plain.obj -o all --schedule quality --schedule-effort low --verify")
-        .ok();
-    common::lodestream(folder, "ingest --manifest jobs.toml -o listed --schedule-effort low").ok();
+    crate::common::lodestream(folder, "encode ball.glb -o one.lods --schedule quality --schedule-effort low").ok();
+    crate::common::lodestream(
+        folder,
+        "ingest ball.glb plain.obj -o all --schedule quality --schedule-effort low --verify",
+    )
+    .ok();
+    crate::common::lodestream(folder, "ingest --manifest jobs.toml -o listed --schedule-effort low").ok();
     // Ingest adds a stamp.
     let chunks = |name: &str| {
         let bytes = std::fs::read(scratch.path(name)).expect("an output");
@@ -256,8 +257,8 @@ fn ingest_puts_files_in_order_as_encode_does() {
     assert_eq!(chunks("all/ball.lods"), expected);
     assert_eq!(chunks("listed/ball.lods"), expected);
     // How closely is looked is a setting like others: another one is another output.
-    let run = common::lodestream(folder, "ingest ball.glb plain.obj -o all --schedule quality --resume").ok();
+    let run = crate::common::lodestream(folder, "ingest ball.glb plain.obj -o all --schedule quality --resume").ok();
     assert!(run.stdout.contains("2: 2 done, 0 skipped"), "{}", run.stdout);
-    let run = common::lodestream(folder, "ingest ball.glb plain.obj -o all --schedule quality --resume").ok();
+    let run = crate::common::lodestream(folder, "ingest ball.glb plain.obj -o all --schedule quality --resume").ok();
     assert!(run.stdout.contains("2: 0 done, 2 skipped"), "{}", run.stdout);
 }

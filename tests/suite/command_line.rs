@@ -1,8 +1,6 @@
 //! The program as a user starts it: options, JSON fields, files and exit codes.
 
-mod common;
-
-use common::{Scratch, lodestream, lodestream_with};
+use crate::common::{Scratch, lodestream, lodestream_with};
 use lodestream::io::read::{self, ReadOptions};
 use lodestream::io::write::{self, WriteOptions};
 use lodestream::mesh::{Image, Layer, LayerKind, Mesh, Stored};

@@ -1,11 +1,8 @@
 //! Replays every file under `fuzz/findings/<target>/` through its reader: what was trouble once stays mended.
 #![cfg(feature = "formats")]
 
-#[path = "common/picture.rs"]
-mod picture;
-#[path = "common/repair.rs"]
-mod repair;
-
+use crate::common::picture;
+use crate::common::repair;
 use std::fs;
 use std::path::Path;
 

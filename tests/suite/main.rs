@@ -1,0 +1,26 @@
+//! Every test of the whole that needs no process of its own, by what it proves.
+
+mod common;
+
+mod appearance;
+mod attributes;
+mod bad_input;
+mod command_line;
+mod datasets;
+mod formats;
+mod fuzz_findings;
+mod golden;
+mod hardening;
+mod hostile_files;
+mod ingest;
+mod ingest_store;
+mod levels;
+mod pictures;
+mod round_trip;
+mod schedule;
+mod soups;
+mod stopped;
+mod textures;
+mod threads;
+mod validator;
+mod wedges;
