@@ -10,7 +10,7 @@
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use lodestream::encode::quality_order::{Effort, Options, by_quality};
 use lodestream::encode::{EncodeOptions, Schedule, encode};
-use lodestream::format::container::{Front, Kind, Parsed, Preview};
+use lodestream::format::container::{FileIndex, Kind, Parsed, Preview};
 use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
 use lodestream::image::preview::{Previews, add_previews};
 use lodestream::io::read::{ReadOptions, read_path};
@@ -142,7 +142,7 @@ fn to_jpeg(image: &mut Image, colour: bool) {
 
 /// Bytes and quality after each change of what a viewer has.
 fn curve(file: &[u8], shown: &[bool], snapshots: &Snapshots, known: &mut HashMap<State, f64>) -> Vec<(u64, f64)> {
-    let Ok(Parsed::Ready(front)) = Front::parse(file) else { panic!("a file") };
+    let Ok(Parsed::Ready(front)) = FileIndex::parse(file) else { panic!("a file") };
     let mut decoder = Decoder::new(DecodeOptions::default());
     let (mut previews, mut pieces, mut level, mut done) = (0, 0, None, 0);
     let mut points: Vec<(u64, f64)> = Vec::new();

@@ -7,14 +7,16 @@
 #[path = "suite/common/small.rs"]
 mod small;
 
-use lodestream::format::attributes::Wardrobe;
+use lodestream::format::attributes::AttributeSource;
 use lodestream::format::coder::range::Encoder;
 use lodestream::format::complex::{Batch, Faces, Inserted, NONE, Split, Star};
-use lodestream::format::container::{AsideCounts, Chunk, Front, Header, Kind, Label, LevelInfo, Parsed, write};
+use lodestream::format::container::{
+    Chunk, DegenerateCounts, FileIndex, Header, Kind, Label, LevelInfo, Parsed, write,
+};
 use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
 use lodestream::format::elements::code_elements;
 use lodestream::format::points::{canonical_order, code_points};
-use lodestream::format::split::neighbourhood::View;
+use lodestream::format::split::neighbourhood::LevelGeometry;
 use lodestream::format::split::segment::{Scratch, Source};
 use lodestream::format::stream::{Account, State, Task, code_segment, segment_range, segments};
 use lodestream::mesh::{Layer, LayerKind, Mesh, Stored};
@@ -66,7 +68,7 @@ struct Parts {
 }
 
 fn parts(bytes: &[u8]) -> Parts {
-    let Ok(Parsed::Ready(front)) = Front::parse(bytes) else { panic!("a valid file") };
+    let Ok(Parsed::Ready(front)) = FileIndex::parse(bytes) else { panic!("a valid file") };
     let chunks = front
         .chunks()
         .iter()
@@ -166,7 +168,7 @@ fn mutate(r: &mut Random, file: &mut Parts, others: &[Parts]) {
             file.chunks[chunk].payload = other.chunks[r.below(other.chunks.len())].payload.clone();
         }
         11 => {
-            file.header.aside = AsideCounts { elements: number(r, 3), corners: number(r, 9) };
+            file.header.aside = DegenerateCounts { elements: number(r, 3), corners: number(r, 9) };
             if r.below(2) == 0 && !file.chunks.iter().any(|c| c.kind == Kind::Aside) {
                 let payload = file.chunks[chunk].payload.clone();
                 file.chunks.push(Chunk::aside(file.header.full_level(), payload));
@@ -201,7 +203,7 @@ fn mutate(r: &mut Random, file: &mut Parts, others: &[Parts]) {
                 (5, _) => {
                     a.lone = true;
                     let payload = file.chunks[chunk].payload.clone();
-                    if !file.chunks.iter().any(|c| c.kind == Kind::Lone) {
+                    if !file.chunks.iter().any(|c| c.kind == Kind::ExtraAttributes) {
                         file.chunks.push(Chunk::lone(file.header.full_level(), payload));
                     }
                 }
@@ -293,7 +295,7 @@ const LIST: usize = 40_000;
 /// How many of them there are in a segment.
 const LISTS: u32 = 25;
 
-impl Wardrobe for Greedy<'_> {}
+impl AttributeSource for Greedy<'_> {}
 
 impl Source for Greedy<'_> {
     fn split(&mut self, v: u32, split: &mut Split) -> Option<[i32; 3]> {
@@ -305,11 +307,11 @@ impl Source for Greedy<'_> {
         Some([0; 3])
     }
     fn settled(&mut self, _: &Split, _: bool) {}
-    fn births(&mut self, _: &[[i32; 3]]) {}
+    fn new_vertices(&mut self, _: &[[i32; 3]]) {}
     fn low_bits(&mut self, _: u32, _: u32) -> [u16; 3] {
         [0; 3]
     }
-    fn birth_low_bits(&mut self, _: u32) -> [u16; 3] {
+    fn new_vertex_low_bits(&mut self, _: u32) -> [u16; 3] {
         [0; 3]
     }
 }
@@ -332,7 +334,7 @@ fn segments_that_each_claim_all() -> Vec<u8> {
     code_elements(&mut base, &level.positions, &mut level.faces, corners).unwrap();
 
     let star = Star::with_next(n, &level.faces);
-    let view = View::new(&level, &star);
+    let view = LevelGeometry::new(&level, &star);
     let pieces = segments(n);
     assert!(pieces > 3);
     let mut chunks = vec![Chunk::base(0, base.finish())];
@@ -391,12 +393,12 @@ fn honest_files_keep_to_what_they_say() {
         ("wild layers", with(terrain(30_000, 1), &[uv, quality, color])),
         ("points with values", with(point_cloud(100_000, 2), &[color, normal])),
         ("soup with values", with(soup(5_000, 10_000, 4), &[uv, quality])),
-        ("crumbs with materials", small::dress(crumbs(10_000, 3), 5)),
+        ("crumbs with materials", small::quantize_attributes(crumbs(10_000, 3), 5)),
     ];
     for (name, mesh) in meshes {
         for bits in [10, 21] {
             let bytes = file(&mesh, bits);
-            let Ok(Parsed::Ready(front)) = Front::parse(&bytes) else { panic!("a valid file") };
+            let Ok(Parsed::Ready(front)) = FileIndex::parse(&bytes) else { panic!("a valid file") };
             let limit = front.memory(front.full_level());
             let (whole, peak) = survive(&bytes, limit).unwrap_or_else(|error| panic!("{name} at {bits} bits: {error}"));
             eprintln!("{name} at {bits} bits: {peak} bytes at once, announced {limit}, file {}", bytes.len());
@@ -410,7 +412,7 @@ fn honest_files_keep_to_what_they_say() {
 fn hostile_streams_do_no_harm() {
     honest_files_keep_to_what_they_say();
     let greedy = segments_that_each_claim_all();
-    let Ok(Parsed::Ready(front)) = Front::parse(&greedy) else { panic!("a valid front") };
+    let Ok(Parsed::Ready(front)) = FileIndex::parse(&greedy) else { panic!("a valid front") };
     let (whole, peak) = survive(&greedy, front.memory(1)).unwrap();
     eprintln!("greedy segments: {peak} bytes at once, announced {}, file {}", front.memory(1), greedy.len());
     assert!(!whole);
@@ -418,7 +420,7 @@ fn hostile_streams_do_no_harm() {
     let large = lodestream::samples::sphere(60, 0.01, 4);
     let large = parts(&file(&large, 12));
     assert!(large.chunks.iter().any(|c| c.segments > 1), "a file with segments");
-    let dressed = parts(&file(&small::dress(lodestream::samples::terrain(30_000, 4), 6), 10));
+    let dressed = parts(&file(&small::quantize_attributes(lodestream::samples::terrain(30_000, 4), 6), 10));
     assert!(dressed.chunks.iter().any(|c| c.segments > 1 && c.kind == Kind::Segment), "layers in segments");
     let others: Vec<Parts> = files.iter().map(|(_, p)| p.clone()).collect();
     files.retain(|(name, _)| *name != "empty");

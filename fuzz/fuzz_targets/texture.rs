@@ -1,4 +1,4 @@
-//! Any bytes as an image, and as a progressive file with a recipe: they come back, or an error comes.
+//! Any bytes as an image, and as a progressive file with a reconstruction: they come back, or an error comes.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -2,7 +2,7 @@
 //! the presence of values told by labels.
 
 use super::EncodeOptions;
-use crate::format::attributes::{Lone, MAX_LAYERS, Scheme, Value};
+use crate::format::attributes::{ExtraAttributes, MAX_LAYERS, Scheme, Value};
 use crate::format::complex::{Attributes, Faces, MAX_WEDGES, NONE, Wedges};
 use crate::format::container::{AttributeHeader, Label, LayerHeader, MAX_LABELS, MAX_NAME};
 use crate::mesh::quantizer::{Precision, Quantizer, QuantizerError};
@@ -43,12 +43,12 @@ pub enum AttributeError {
 
 /// The attributes of a mesh, ready to be simplified and coded.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Dressed {
+pub(super) struct QuantizedAttributes {
     pub header: AttributeHeader,
     pub scheme: Scheme,
     pub attributes: Attributes,
     /// Values outside the complex; elements aside in the order of the mesh.
-    pub lone: Lone,
+    pub lone: ExtraAttributes,
     /// Values of vertices that no element names: vertex, layer, value, in increasing order.
     pub isolated: Vec<(u32, u32, Value)>,
 }
@@ -62,8 +62,12 @@ pub(super) struct Parts<'a> {
     pub of_aside: Vec<u32>,
 }
 
-pub(super) fn dress(mesh: &Mesh, parts: &Parts, options: &EncodeOptions) -> Result<Dressed, AttributeError> {
-    let mut out = Dressed::default();
+pub(super) fn quantize_attributes(
+    mesh: &Mesh,
+    parts: &Parts,
+    options: &EncodeOptions,
+) -> Result<QuantizedAttributes, AttributeError> {
+    let mut out = QuantizedAttributes::default();
     if mesh.layers.is_empty() && mesh.material.is_empty() && mesh.appearance.is_empty() {
         return Ok(out);
     }

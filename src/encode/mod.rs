@@ -11,18 +11,18 @@ pub mod trace;
 pub use attributes::AttributeError;
 pub use schedule::Schedule;
 
-use self::attributes::{Parts, dress};
+use self::attributes::{Parts, quantize_attributes};
 use crate::encode::cost::Engine;
-use crate::encode::simplify::{ReplayError, SimplifyOptions, reorder, replay, simplify_on};
+use crate::encode::simplify::{LevelsError, SimplifyOptions, encode_levels, reorder, simplify_on};
 use crate::format::appearance::{AppearanceError, code_appearance};
-use crate::format::attributes::{Lone, Value, code_lone_values};
+use crate::format::attributes::{ExtraAttributes, Value, code_extra_attributes};
 use crate::format::coder::range;
 use crate::format::complex::{Faces, Level};
-use crate::format::container::{self, AsideCounts, Chunk, ContainerError, ErrorBound, Header, LevelInfo, Preview};
-use crate::format::degenerate::code_aside;
+use crate::format::container::{self, Chunk, ContainerError, DegenerateCounts, ErrorBound, Header, LevelInfo, Preview};
+use crate::format::degenerate::code_degenerate;
 use crate::format::elements::Origin;
-use crate::format::split::segment::Nonsense;
-use crate::image::jpeg::{Exactness, Pieces, Way, cut};
+use crate::format::split::segment::InvalidStream;
+use crate::image::jpeg::{Exactness, Pieces, Treatment, cut};
 use crate::mesh::lattice::{Lattice, LatticeError, Quantization};
 use crate::mesh::quantizer::Precision;
 use crate::mesh::{LayerKind, Mesh, MeshError};
@@ -92,7 +92,7 @@ pub enum Stage {
 pub struct BitsByKind {
     /// Header, level and chunk tables, checksums.
     pub header: f64,
-    /// Level 0, isolated vertices and births.
+    /// Level 0, isolated vertices and new_vertices.
     pub points: f64,
     /// Which vertices split, and how.
     pub connectivity: f64,
@@ -124,7 +124,7 @@ pub struct ImageReport {
     /// Pieces that it came into; each prefix of them is a picture.
     pub pieces: usize,
     /// What was done with it.
-    pub way: Way,
+    pub way: Treatment,
 }
 
 /// An account of one encoding.
@@ -187,7 +187,7 @@ pub enum EncodeError {
     Container(#[from] ContainerError),
     /// A bug of the encoder.
     #[error("{0}; this is a bug of the encoder, please report it with the mesh")]
-    Bug(#[from] ReplayError),
+    Bug(#[from] LevelsError),
 }
 
 /// Encode `mesh`. Runs on the current rayon pool; the bytes do not depend on its size.
@@ -218,10 +218,10 @@ pub fn encode_on(
     let positions = lattice.quantize(&mesh.positions)?;
     let (faces, aside, of) = part(mesh);
     let [of_face, of_aside] = of;
-    let dressed = dress(mesh, &Parts { faces: &faces, of_face, of_aside }, options)?;
+    let dressed = quantize_attributes(mesh, &Parts { faces: &faces, of_face, of_aside }, options)?;
     let scheme = dressed.scheme;
     // What travels aside is not there before the full level: its points are told by its corners.
-    let missing = extent_aside(mesh, &faces, &aside);
+    let missing = extent_degenerate(mesh, &faces, &aside);
     let components = components(positions.len(), mesh);
     let bounds = positions.first().map(|&first| {
         positions.iter().fold([first; 2], |[lo, hi], p| {
@@ -246,7 +246,7 @@ pub fn encode_on(
     let mut span = trace.span("loop", "code all batches");
     span.items(total);
     let mut replayed =
-        replay(&history, slots, &scheme, &|done| progress(Progress { stage: Stage::Encode, done, total }))?;
+        encode_levels(&history, slots, &scheme, &|done| progress(Progress { stage: Stage::Encode, done, total }))?;
     drop(span);
     if let Some(place) = place {
         // Back to the caller's numbers.
@@ -268,7 +268,7 @@ pub fn encode_on(
     let mut aside_bits = 0.0;
     let mut coded_aside = Faces::new();
     let mut origins = Vec::new();
-    let aside_counts = AsideCounts { elements: aside.len() as u32, corners: aside.corners.len() as u32 };
+    let aside_counts = DegenerateCounts { elements: aside.len() as u32, corners: aside.corners.len() as u32 };
     if !aside.is_empty() {
         let mut coder = range::Encoder::new();
         let mut faces = Faces::new();
@@ -276,7 +276,7 @@ pub fn encode_on(
             let f: Vec<u32> = f.iter().map(|&v| replayed.number[v as usize]).collect();
             faces.push(&f);
         }
-        origins = code_aside(&mut coder, slots, &mut faces, aside.corners.len()).map_err(ReplayError::Base)?;
+        origins = code_degenerate(&mut coder, slots, &mut faces, aside.corners.len()).map_err(LevelsError::Base)?;
         let payload = coder.finish();
         aside_bits = payload.len() as f64 * 8.0;
         chunks.push(Chunk::aside(full_level, payload).map(Cow::Owned));
@@ -288,9 +288,9 @@ pub fn encode_on(
         let number = |v: u32| replayed.number[v as usize];
         let isolated = isolated(mesh, &dressed.isolated, scheme.widths.len(), &number);
         let count = isolated.first().map_or(0, Vec::len);
-        let mut lone = Lone { isolated, ..lone };
+        let mut lone = ExtraAttributes { isolated, ..lone };
         let mut coder = range::Encoder::new();
-        code_lone_values(&mut coder, &scheme, &coded_aside, count, &mut lone).map_err(ReplayError::Stream)?;
+        code_extra_attributes(&mut coder, &scheme, &coded_aside, count, &mut lone).map_err(LevelsError::Stream)?;
         let payload = coder.finish();
         attribute_bits += payload.len() as f64 * 8.0;
         chunks.push(Chunk::lone(full_level, payload).map(Cow::Owned));
@@ -300,20 +300,20 @@ pub fn encode_on(
     if dressed.header.appearance {
         let mut coder = range::Encoder::new();
         let (_, memory) = code_appearance(&mut coder, &mesh.appearance, u64::MAX).map_err(|error| match error {
-            AppearanceError::Nonsense(nonsense) => ReplayError::Stream(nonsense),
-            AppearanceError::Memory { .. } => ReplayError::Stream(Nonsense("materials without end")),
+            AppearanceError::InvalidStream(nonsense) => LevelsError::Stream(nonsense),
+            AppearanceError::Memory { .. } => LevelsError::Stream(InvalidStream("materials without end")),
         })?;
         let payload = coder.finish();
         appearance_bits = payload.len() as f64 * 8.0;
         // Behind the base: what is shown first has its materials.
         let appearance = Chunk::appearance(0, payload).with_memory(memory).map(Cow::Owned);
-        let (mut previews, mut images, mut recipes) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut previews, mut images, mut reconstructions) = (Vec::new(), Vec::new(), Vec::new());
         let span = trace.span("loop", "cut images");
         for (i, image) in (0u32..).zip(&mesh.appearance.images) {
-            let Pieces { pieces, recipe, way, memory } = cut(&image.bytes, options.images);
+            let Pieces { pieces, reconstruction, way, memory } = cut(&image.bytes, options.images);
             let count = pieces.len();
-            let recipe = recipe.map(Cow::Owned);
-            let stored = pieces.iter().chain(&recipe).map(|p| p.len()).sum::<usize>();
+            let reconstruction = reconstruction.map(Cow::Owned);
+            let stored = pieces.iter().chain(&reconstruction).map(|p| p.len()).sum::<usize>();
             image_bits += stored as f64 * 8.0;
             let small: Vec<Chunk<Cow<'_, [u8]>>> = if image.bytes.is_empty() { &[][..] } else { &image.previews }
                 .iter()
@@ -335,10 +335,10 @@ pub fn encode_on(
             let piece = |(k, payload)| Chunk::image(full_level, i, k, count as u32, payload);
             images.push((0u32..).zip(pieces).map(piece).collect());
             previews.push(small);
-            recipes.extend(recipe.map(|r| Chunk::recipe(full_level, i, r).with_memory(memory)));
+            reconstructions.extend(reconstruction.map(|r| Chunk::reconstruction(full_level, i, r).with_memory(memory)));
         }
         drop(span);
-        let pictures = schedule::Pictures { appearance: Some(appearance), previews, images, recipes };
+        let pictures = schedule::Pictures { appearance: Some(appearance), previews, images, reconstructions };
         chunks = schedule::order(chunks, pictures, options.schedule);
     }
     let mut announced = dressed.header;
@@ -426,7 +426,7 @@ fn part(mesh: &Mesh) -> (Faces, Faces, [Vec<u32>; 2]) {
 }
 
 /// Values of elements aside in the order and rotation in which they are coded.
-fn turn(lone: &Lone, aside: &Faces, origins: &[Origin]) -> Lone {
+fn turn(lone: &ExtraAttributes, aside: &Faces, origins: &[Origin]) -> ExtraAttributes {
     let corners = |list: &Vec<Option<Value>>| {
         let mut out = Vec::with_capacity(list.len());
         for o in origins {
@@ -440,7 +440,7 @@ fn turn(lone: &Lone, aside: &Faces, origins: &[Origin]) -> Lone {
     } else {
         origins.iter().map(|o| lone.labels[o.element as usize]).collect()
     };
-    Lone { labels, corners: lone.corners.iter().map(corners).collect(), isolated: Vec::new() }
+    ExtraAttributes { labels, corners: lone.corners.iter().map(corners).collect(), isolated: Vec::new() }
 }
 
 /// For each layer the values of the vertices that no element names, in the order of the full level.
@@ -463,7 +463,7 @@ fn isolated(
 }
 
 /// How far the points of elements that repeat a vertex are at most from vertices, or from the rest of the mesh.
-fn extent_aside(mesh: &Mesh, faces: &Faces, aside: &Faces) -> f64 {
+fn extent_degenerate(mesh: &Mesh, faces: &Faces, aside: &Faces) -> f64 {
     if aside.is_empty() {
         return 0.0;
     }

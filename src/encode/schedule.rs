@@ -1,7 +1,7 @@
 //! In what order the chunks of mesh and images stand in a file.
 //!
 //! Level 0, the materials and the coarsest preview of each image come first in any order: previews are tiny, and nothing says sooner what a
-//! model looks like. A recipe, which adds nothing to be seen, comes last. Finer previews and pieces of several images take turns, each as far through its bytes as the others, so that none is sharp while another has not begun.
+//! model looks like. A reconstruction, which adds nothing to be seen, comes last. Finer previews and pieces of several images take turns, each as far through its bytes as the others, so that none is sharp while another has not begun.
 
 use crate::format::container::{Chunk, Kind};
 use std::fmt;
@@ -57,13 +57,13 @@ pub struct Pictures<B> {
     pub previews: Vec<Group<B>>,
     /// The pieces of each image.
     pub images: Vec<Group<B>>,
-    pub recipes: Vec<Chunk<B>>,
+    pub reconstructions: Vec<Chunk<B>>,
 }
 
 /// The chunks of a file in order. `mesh` holds those of levels in their order, the base first; the levels that chunks of pictures stand behind
 /// are set here.
 pub fn order<B: AsRef<[u8]>>(mesh: Vec<Chunk<B>>, pictures: Pictures<B>, schedule: Schedule) -> Vec<Chunk<B>> {
-    let Pictures { appearance, previews, images, recipes } = pictures;
+    let Pictures { appearance, previews, images, reconstructions } = pictures;
     let mut levels: Vec<Group<B>> = Vec::new();
     for chunk in mesh {
         match levels.last_mut() {
@@ -86,7 +86,7 @@ pub fn order<B: AsRef<[u8]>>(mesh: Vec<Chunk<B>>, pictures: Pictures<B>, schedul
         Schedule::TextureFirst => pieces.into_iter().chain(levels).collect(),
         Schedule::Linear => merge(vec![levels.collect(), pieces]),
     };
-    out.extend(rest.into_iter().flatten().chain(recipes));
+    out.extend(rest.into_iter().flatten().chain(reconstructions));
     let mut level = 0;
     for chunk in &mut out {
         match chunk.kind {
@@ -144,7 +144,7 @@ mod tests {
             appearance: Some(Chunk::appearance(0, vec![0; 5])),
             previews: vec![preview(0, &[4, 20]), preview(1, &[1]), preview(2, &[])],
             images,
-            recipes: vec![Chunk::recipe(0, 0, vec![0])],
+            reconstructions: vec![Chunk::reconstruction(0, 0, vec![0])],
         };
         let chunks = order(mesh, pictures, schedule);
         let name = |c: &Chunk| match c.kind {

@@ -3,8 +3,8 @@
 //! Records of one kind resemble each other; with some kilobytes of JSON in a file, what a context of two bytes would gain is not worth its
 //! learning. The bytes of images are chunks of their own.
 
-use crate::format::coder::range::{Bit, Coder, golomb};
-use crate::format::split::segment::Nonsense;
+use crate::format::coder::range::{Bit, Coder, exp_golomb};
+use crate::format::split::segment::InvalidStream;
 use crate::mesh::{Appearance, Image};
 
 /// The most bytes of all strings together.
@@ -21,7 +21,7 @@ const MEMORY_PER_BYTE: u64 = 3;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AppearanceError {
     /// A stream that contradicts itself, or more text than a file holds.
-    Nonsense(Nonsense),
+    InvalidStream(InvalidStream),
     /// They take more memory than a decoder may use.
     Memory {
         /// Bytes needed, at least.
@@ -29,9 +29,9 @@ pub enum AppearanceError {
     },
 }
 
-impl From<Nonsense> for AppearanceError {
-    fn from(nonsense: Nonsense) -> Self {
-        AppearanceError::Nonsense(nonsense)
+impl From<InvalidStream> for AppearanceError {
+    fn from(nonsense: InvalidStream) -> Self {
+        AppearanceError::InvalidStream(nonsense)
     }
 }
 
@@ -50,11 +50,11 @@ struct Models {
 impl Models {
     fn text<C: Coder>(&mut self, coder: &mut C, text: &str) -> Result<String, AppearanceError> {
         let bytes = text.as_bytes();
-        let length = golomb(coder, &mut self.length, u32::try_from(bytes.len()).unwrap_or(u32::MAX));
+        let length = exp_golomb(coder, &mut self.length, u32::try_from(bytes.len()).unwrap_or(u32::MAX));
         self.texts += 1;
         self.bytes += length as u64;
         if self.bytes > MAX_TEXT || self.texts > MAX_TEXTS {
-            return Err(Nonsense("more than 64 MiB, or 2^20 records, of materials").into());
+            return Err(InvalidStream("more than 64 MiB, or 2^20 records, of materials").into());
         }
         let needed = self.memory();
         if needed > self.limit {
@@ -71,10 +71,10 @@ impl Models {
             out.push(node as u8);
             self.before = node & 255;
             if coder.overrun() {
-                return Err(Nonsense("a text that ends too early").into());
+                return Err(InvalidStream("a text that ends too early").into());
             }
         }
-        String::from_utf8(out).map_err(|_| Nonsense("a text that is not UTF-8").into())
+        String::from_utf8(out).map_err(|_| InvalidStream("a text that is not UTF-8").into())
     }
 
     fn memory(&self) -> u64 {
@@ -82,12 +82,12 @@ impl Models {
     }
 
     fn list<C: Coder>(&mut self, coder: &mut C, list: &[String]) -> Result<Vec<String>, AppearanceError> {
-        let count = golomb(coder, &mut self.count, list.len() as u32);
+        let count = exp_golomb(coder, &mut self.count, list.len() as u32);
         let mut out = Vec::new();
         for i in 0..count as usize {
             out.push(self.text(coder, list.get(i).map_or("", |s| s))?);
             if coder.overrun() {
-                return Err(Nonsense("records that end too early").into());
+                return Err(InvalidStream("records that end too early").into());
             }
         }
         Ok(out)
@@ -116,14 +116,14 @@ pub fn code_appearance<C: Coder>(
     let materials = m.list(coder, &appearance.materials)?;
     let textures = m.list(coder, &appearance.textures)?;
     let samplers = m.list(coder, &appearance.samplers)?;
-    let count = golomb(coder, &mut m.count, appearance.images.len() as u32);
+    let count = exp_golomb(coder, &mut m.count, appearance.images.len() as u32);
     let mut images = Vec::new();
     for i in 0..count as usize {
         let (name, mime) = appearance.images.get(i).map_or(("", ""), |i| (&i.name, &i.mime));
         let (name, mime) = (m.text(coder, name)?, m.text(coder, mime)?);
         images.push(Image { name, mime, bytes: Vec::new(), previews: Vec::new() });
         if coder.overrun() {
-            return Err(Nonsense("records that end too early").into());
+            return Err(InvalidStream("records that end too early").into());
         }
     }
     let memory = m.memory();

@@ -7,7 +7,7 @@
 //!
 //! Exact: orientation and multiplicity are kept; the order and the starting corner are canonical.
 
-use crate::format::coder::range::{Bit, Coder, golomb};
+use crate::format::coder::range::{Bit, Coder, exp_golomb};
 use crate::format::complex::Faces;
 use crate::format::elements::{ElementsError, Origin};
 
@@ -20,7 +20,7 @@ use crate::format::elements::{ElementsError, Origin};
 /// # Errors
 /// Only a decoder's stream can be bad: [`ElementsError::TooManyCorners`] or [`ElementsError::NoSuchVertex`]. An encoder
 /// handed such faces gets the same errors.
-pub fn code_aside<C: Coder>(
+pub fn code_degenerate<C: Coder>(
     coder: &mut C,
     vertices: usize,
     faces: &mut Faces,
@@ -38,7 +38,7 @@ pub fn code_aside<C: Coder>(
         corners[(o.rotation as usize + k as usize) % corners.len()]
     };
     let mut models = Models::default();
-    let count = golomb(coder, &mut models.count, origins.len() as u32) as usize;
+    let count = exp_golomb(coder, &mut models.count, origins.len() as u32) as usize;
     if count > limit / 2 {
         return Err(ElementsError::TooManyCorners { limit });
     }
@@ -48,12 +48,12 @@ pub fn code_aside<C: Coder>(
         let no_such = ElementsError::NoSuchVertex { element, vertices };
         let origin = origins.get(element).copied();
         let degree = origin.map_or(2, |o| source.get(o.element).len() as u32);
-        let degree = golomb(coder, &mut models.degree, degree - 2) as usize + 2;
+        let degree = exp_golomb(coder, &mut models.degree, degree - 2) as usize + 2;
         if faces.corners.len() + degree > limit {
             return Err(ElementsError::TooManyCorners { limit });
         }
         let wanted = origin.map_or(0, |o| corner(o, 0));
-        first = first.saturating_add(golomb(coder, &mut models.first, wanted.wrapping_sub(first)));
+        first = first.saturating_add(exp_golomb(coder, &mut models.first, wanted.wrapping_sub(first)));
         if first as usize >= vertices {
             return Err(no_such);
         }
@@ -76,7 +76,7 @@ pub fn code_aside<C: Coder>(
                 face[k - repeat as usize]
             } else {
                 let down = coder.bit(&mut models.down, wanted < last);
-                let distance = golomb(coder, &mut models.distance, wanted.abs_diff(last));
+                let distance = exp_golomb(coder, &mut models.distance, wanted.abs_diff(last));
                 let vertex = if down { last.checked_sub(distance) } else { last.checked_add(distance) };
                 match vertex {
                     Some(v) if (v as usize) < vertices => v,
@@ -168,7 +168,7 @@ mod tests {
     fn round_trip(vertices: usize, faces: &Faces) -> usize {
         let mut e = Encoder::new();
         let mut sorted = faces.clone();
-        let origins = code_aside(&mut e, vertices, &mut sorted, faces.corners.len()).unwrap();
+        let origins = code_degenerate(&mut e, vertices, &mut sorted, faces.corners.len()).unwrap();
         let bytes = e.finish();
         let mut seen = vec![false; faces.len()];
         for (new, o) in origins.iter().enumerate() {
@@ -180,7 +180,7 @@ mod tests {
         assert!(seen.iter().all(|&s| s));
         let mut d = Decoder::new(&bytes);
         let mut back = Faces::new();
-        code_aside(&mut d, vertices, &mut back, faces.corners.len()).unwrap();
+        code_degenerate(&mut d, vertices, &mut back, faces.corners.len()).unwrap();
         assert_eq!(back, sorted);
         assert!(!d.overrun());
         bytes.len()
@@ -208,7 +208,7 @@ mod tests {
         fn the_bytes_depend_on_the_multiset_alone(few in list(3), turn in 0usize..9) {
             let bytes = |faces: &Faces| {
                 let mut e = Encoder::new();
-                code_aside(&mut e, 3, &mut faces.clone(), faces.corners.len()).unwrap();
+                code_degenerate(&mut e, 3, &mut faces.clone(), faces.corners.len()).unwrap();
                 e.finish()
             };
             let mut turned = few.clone();
@@ -224,7 +224,7 @@ mod tests {
             limit in 0usize..2000,
         ) {
             let mut faces = Faces::new();
-            if code_aside(&mut Decoder::new(&bytes), vertices, &mut faces, limit).is_ok() {
+            if code_degenerate(&mut Decoder::new(&bytes), vertices, &mut faces, limit).is_ok() {
                 prop_assert!(check(&faces, vertices, limit).is_ok());
                 prop_assert!(faces.iter().all(|f| f.len() >= 2));
             }
@@ -251,7 +251,7 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_is_named() {
-        let code = |limit| code_aside(&mut Encoder::new(), 3, &mut faces_of(&[vec![1, 1, 2], vec![3, 3]]), limit);
+        let code = |limit| code_degenerate(&mut Encoder::new(), 3, &mut faces_of(&[vec![1, 1, 2], vec![3, 3]]), limit);
         assert_eq!(code(4), Err(ElementsError::TooManyCorners { limit: 4 }));
         assert_eq!(code(5), Err(ElementsError::NoSuchVertex { element: 1, vertices: 3 }));
     }

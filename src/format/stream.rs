@@ -5,11 +5,11 @@
 //! without order; segments after `DESIGN.md`).
 
 use crate::format::attributes::Scheme;
-use crate::format::coder::range::{Bit, Coder, golomb};
+use crate::format::coder::range::{Bit, Coder, exp_golomb};
 use crate::format::complex::{Batch, Level};
 use crate::format::points::code_points;
-use crate::format::split::neighbourhood::View;
-use crate::format::split::segment::{Models, Nonsense, Scratch, SegmentBits, Source, code_splits};
+use crate::format::split::neighbourhood::LevelGeometry;
+use crate::format::split::segment::{InvalidStream, Models, Scratch, SegmentBits, Source, code_splits};
 use std::ops::Range;
 use std::sync::atomic::AtomicU64;
 
@@ -35,7 +35,7 @@ pub struct State {
     pub models: Models,
     alpha: u8,
     same_alpha: Bit,
-    births: Bits,
+    new_vertices: Bits,
 }
 
 impl State {
@@ -58,10 +58,10 @@ impl Default for Bits {
 #[derive(Clone, Copy, Debug)]
 pub struct Task<'a> {
     /// The coarser level.
-    pub view: View<'a>,
+    pub view: LevelGeometry<'a>,
     /// The vertices of the segment.
     pub range: (u32, u32),
-    /// Whether it is the first segment of its batch, which tells the placement and the births.
+    /// Whether it is the first segment of its batch, which tells the placement and the new_vertices.
     pub first: bool,
     /// Vertices, and elements, that the header says the finer level has more.
     pub more: (u64, u64),
@@ -84,13 +84,13 @@ pub struct Account {
     pub points: f64,
 }
 
-/// Code one segment: its head, its splits, its births, its low bits.
+/// Code one segment: its head, its splits, its new_vertices, its low bits.
 ///
-/// Encoding, `batch` comes with `alpha` and `births` set, and leaves with the splits and low bits of the segment. Decoding it comes
+/// Encoding, `batch` comes with `alpha` and `new_vertices` set, and leaves with the splits and low bits of the segment. Decoding it comes
 /// empty.
 ///
 /// # Errors
-/// [`Nonsense`] from a decoder whose stream contradicts the header or itself.
+/// [`InvalidStream`] from a decoder whose stream contradicts the header or itself.
 pub fn code_segment<C: Coder, S: Source>(
     coder: &mut C,
     state: &mut State,
@@ -99,13 +99,13 @@ pub fn code_segment<C: Coder, S: Source>(
     source: &mut S,
     batch: &mut Batch,
     account: &mut Account,
-) -> Result<(), Nonsense> {
+) -> Result<(), InvalidStream> {
     batch.shift = task.shift;
     batch.attributes.layers.resize_with(task.view.scheme.widths.len(), Default::default);
     if task.first {
         let changed = coder.bit(&mut state.same_alpha, batch.alpha != state.alpha);
         if changed {
-            state.alpha = coder.raw(8, batch.alpha as u32) as u8;
+            state.alpha = coder.bypass(8, batch.alpha as u32) as u8;
         }
         batch.alpha = state.alpha;
     }
@@ -127,18 +127,18 @@ pub fn code_segment<C: Coder, S: Source>(
     )?;
     if task.first {
         let start = coder.bits();
-        let count = golomb(coder, &mut state.births.0, batch.births.len() as u32);
+        let count = exp_golomb(coder, &mut state.new_vertices.0, batch.new_vertices.len() as u32);
         if count as u64 > task.more.0 {
-            return Err(Nonsense("more births than the header announces"));
+            return Err(InvalidStream("more new_vertices than the header announces"));
         }
-        code_points(coder, &mut batch.births, count as usize);
-        source.births(&batch.births);
+        code_points(coder, &mut batch.new_vertices, count as usize);
+        source.new_vertices(&batch.new_vertices);
         account.points += coder.bits() - start;
     }
     let up = task.view.level.shift - task.shift;
     if up > 0 {
         if up > 16 {
-            return Err(Nonsense("a jump of precision beyond 16 bits"));
+            return Err(InvalidStream("a jump of precision beyond 16 bits"));
         }
         let start = coder.bits();
         let mut splits = batch.vertex.iter().peekable();
@@ -146,26 +146,26 @@ pub fn code_segment<C: Coder, S: Source>(
             let twice = splits.next_if_eq(&&v).is_some();
             for child in 0..1 + twice as u32 {
                 let low = source.low_bits(v, child);
-                batch.low_bits.push(low.map(|c| coder.raw(up as u32, c as u32) as u16));
+                batch.low_bits.push(low.map(|c| coder.bypass(up as u32, c as u32) as u16));
             }
         }
         account.splits.geometry += coder.bits() - start;
         let start = coder.bits();
-        for k in 0..batch.births.len() as u32 {
-            let low = source.birth_low_bits(k);
-            batch.low_bits.push(low.map(|c| coder.raw(up as u32, c as u32) as u16));
+        for k in 0..batch.new_vertices.len() as u32 {
+            let low = source.new_vertex_low_bits(k);
+            batch.low_bits.push(low.map(|c| coder.bypass(up as u32, c as u32) as u16));
         }
         account.points += coder.bits() - start;
     }
     Ok(())
 }
 
-/// Put the segments of a batch together. Low bits of the births, which the first segment holds, go to the end.
+/// Put the segments of a batch together. Low bits of the new_vertices, which the first segment holds, go to the end.
 pub fn join(parts: Vec<Batch>, level: &Level, widths: &[usize]) -> Batch {
     let mut parts = parts.into_iter();
     let Some(mut batch) = parts.next() else { return Batch::default() };
-    let births = if batch.shift < level.shift { batch.births.len() } else { 0 };
-    let tail = batch.low_bits.split_off(batch.low_bits.len() - births);
+    let new_vertices = if batch.shift < level.shift { batch.new_vertices.len() } else { 0 };
+    let tail = batch.low_bits.split_off(batch.low_bits.len() - new_vertices);
     batch.reserve(parts.as_slice());
     for part in parts {
         batch.append(&part, widths);

@@ -1,17 +1,17 @@
 //! One file: fetched, checked against what is there, read, encoded, stamped, verified, written.
 
-use super::beside::Beside;
 use super::error::{Failure, FailureKind};
 use super::ledger::Cores;
 use super::location::Object;
 use super::output::{self, Staging};
 use super::settings::Settings;
+use super::sidecars::Sidecars;
 use super::stamp::{Stamp, hex};
 use super::{Engines, Event, Observer, predict};
 use crate::encode::cost::Engine;
 use crate::encode::quality_order;
 use crate::encode::{self, EncodeError, Encoded};
-use crate::format::container::{Front, Parsed};
+use crate::format::container::{FileIndex, Parsed};
 use crate::format::decoder::{DecodeOptions, Decoder, Step};
 use crate::image::preview::add_previews;
 use crate::image::recompress::recompress;
@@ -224,7 +224,7 @@ fn work(
         })
     })?;
     let bytes = job.object.read()?;
-    let beside = Beside::fetch(&job.object, &bytes, format, job.settings.drop)?;
+    let beside = Sidecars::fetch(&job.object, &bytes, format, job.settings.drop)?;
     job.record.bytes_in = bytes.len() as u64 + beside.bytes;
     let stamp = Stamp { source: beside.checksum, settings: job.settings.checksum() };
     job.record.sha256 = Some(hex(&stamp.source));
@@ -294,7 +294,7 @@ fn compute(
     name: &str,
     bytes: Vec<u8>,
     format: Format,
-    beside: &Beside,
+    beside: &Sidecars,
     stamp: &Stamp,
     around: &Surroundings<'_>,
 ) -> Result<Vec<u8>, Failure> {
@@ -363,7 +363,7 @@ fn compute(
 
 /// Decode a file in full and compare it with its source: vertices, faces, attributes, materials and images.
 fn verify(file: &[u8], read: &ReadMesh, map: &[u32]) -> Result<(), String> {
-    let header = match Front::parse(file).map_err(|e| e.to_string())? {
+    let header = match FileIndex::parse(file).map_err(|e| e.to_string())? {
         Parsed::Ready(front) => front.header().clone(),
         Parsed::NeedBytes(_) => return Err("its front is not whole".to_string()),
     };

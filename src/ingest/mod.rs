@@ -11,7 +11,6 @@
 //! - The bytes of an output depend on source and settings alone: not on order, jobs, cores, shards or earlier runs.
 //! - Memory does not grow with the number of files, but for a hash of each name.
 
-mod beside;
 mod error;
 mod job;
 mod ledger;
@@ -23,6 +22,7 @@ mod predict;
 mod report;
 mod schedule;
 mod settings;
+mod sidecars;
 mod stamp;
 mod store;
 #[cfg(test)]

@@ -8,7 +8,7 @@
 use super::error::Failure;
 use super::location::Object;
 use super::stamp::Stamp;
-use crate::format::container::{Front, Parsed};
+use crate::format::container::{FileIndex, Parsed};
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -204,7 +204,7 @@ fn find_stamp(
     let mut need = 4096.min(size);
     let front = loop {
         let Some(bytes) = read(0, need)? else { return Ok(None) };
-        match Front::parse(&bytes) {
+        match FileIndex::parse(&bytes) {
             Ok(Parsed::Ready(front)) => break front,
             Ok(Parsed::NeedBytes(more)) if more > need && more <= size => need = more,
             _ => return Ok(None),

@@ -3,7 +3,7 @@
 //! `FORMAT.md`, "Source stamp": kind 128, one byte of version, SHA-256 of the source's bytes, SHA-256 of the settings.
 //! Decoders skip it. It is what `--resume` goes by, so a file and its stamp appear together or not at all.
 
-use crate::format::container::{Chunk, ContainerError, Front, KIND_SOURCE, Kind, with_chunk};
+use crate::format::container::{Chunk, ContainerError, FileIndex, KIND_SOURCE, Kind, with_chunk};
 use sha2::{Digest, Sha256};
 
 /// What an output was made from.
@@ -53,7 +53,7 @@ impl Stamp {
     }
 
     /// Where in the file the stamp lies.
-    pub fn place(front: &Front) -> Option<(usize, std::ops::Range<u64>)> {
+    pub fn place(front: &FileIndex) -> Option<(usize, std::ops::Range<u64>)> {
         let (i, c) = front.chunks().iter().enumerate().find(|(_, c)| c.kind == Kind::Other(KIND_SOURCE))?;
         (c.length == 65).then(|| (i, c.offset..c.end()))
     }
@@ -94,7 +94,7 @@ mod tests {
         assert_eq!(hex(&source_checksum(b"abc"))[..16], *"ba7816bf8f01cfea");
         let stamped = stamp.attach(&plain).unwrap();
         assert!(stamped.len() <= plain.len() + 90, "{} bytes became {}", plain.len(), stamped.len());
-        let Parsed::Ready(front) = Front::parse(&stamped).unwrap() else { panic!("the front is whole") };
+        let Parsed::Ready(front) = FileIndex::parse(&stamped).unwrap() else { panic!("the front is whole") };
         let (index, place) = Stamp::place(&front).unwrap();
         let payload = front.payload(&stamped, index).unwrap().unwrap();
         assert_eq!(payload, &stamped[place.start as usize..place.end as usize]);

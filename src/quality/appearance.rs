@@ -3,13 +3,13 @@
 //! Forty-two cameras stand on the corners of an icosahedron and the middles of its edges (one dyadic split), look at the middle of the first
 //! mesh's bounding box in perspective and see the sphere around it. The score is the mean MS-SSIM of the pairs of pictures.
 
-use super::ssim::{LEAST_SIDE, SsimError, ms_ssim};
+use super::ssim::{MIN_SIDE, SsimError, ms_ssim};
 use crate::mesh::Mesh;
 use crate::quality::picture::{Picture, Renderer, Scene, Shading, View};
 use std::sync::{Mutex, PoisonError};
 
 /// Cameras, at most.
-pub const MOST_VIEWS: usize = 42;
+pub const MAX_VIEWS: usize = 42;
 
 /// The field of view in degrees.
 const FIELD: f64 = 30.0;
@@ -17,9 +17,9 @@ const FIELD: f64 = 30.0;
 /// How meshes are looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ViewOptions {
-    /// Cameras, 1 to [`MOST_VIEWS`]: the corners first, then the middles of edges.
+    /// Cameras, 1 to [`MAX_VIEWS`]: the corners first, then the middles of edges.
     pub views: usize,
-    /// Pixels of a picture's side, at least [`LEAST_SIDE`].
+    /// Pixels of a picture's side, at least [`MIN_SIDE`].
     pub size: u32,
     /// How faces are shaded.
     pub shading: Shading,
@@ -27,7 +27,7 @@ pub struct ViewOptions {
 
 impl Default for ViewOptions {
     fn default() -> Self {
-        ViewOptions { views: MOST_VIEWS, size: 512, shading: Shading::Smooth }
+        ViewOptions { views: MAX_VIEWS, size: 512, shading: Shading::Smooth }
     }
 }
 
@@ -43,7 +43,7 @@ pub struct Appearance {
 /// Where the cameras stand, as directions from the middle: the corners of an icosahedron, then the middles of its edges.
 pub fn directions() -> Vec<[f64; 3]> {
     let g = 0.5 * (1.0 + 5f64.sqrt());
-    let mut all: Vec<[f64; 3]> = Vec::with_capacity(MOST_VIEWS);
+    let mut all: Vec<[f64; 3]> = Vec::with_capacity(MAX_VIEWS);
     for (a, b) in [(1.0, g), (-1.0, g), (1.0, -g), (-1.0, -g)] {
         all.extend([[0.0, a, b], [a, b, 0.0], [b, 0.0, a]]);
     }
@@ -82,10 +82,10 @@ impl Snapshots {
     /// # Errors
     /// As [`Snapshots::new`].
     pub fn of(scene: &Scene, mesh: &Mesh, renderer: &dyn Renderer, options: &ViewOptions) -> Result<Self, SsimError> {
-        if options.size < LEAST_SIDE {
+        if options.size < MIN_SIDE {
             return Err(SsimError::Small(options.size, options.size));
         }
-        let count = options.views.clamp(1, MOST_VIEWS);
+        let count = options.views.clamp(1, MAX_VIEWS);
         let views: Vec<View> =
             directions()[..count].iter().map(|&d| View::around(mesh, d).perspective(FIELD)).collect();
         let pictures = in_order(|put| {
@@ -146,7 +146,7 @@ mod tests {
     #[test]
     fn forty_two_directions_all_around() {
         let all = directions();
-        assert_eq!(all.len(), MOST_VIEWS);
+        assert_eq!(all.len(), MAX_VIEWS);
         for k in 0..3 {
             assert!(all.iter().map(|d| d[k]).sum::<f64>().abs() < 1e-9);
             assert!((all.iter().map(|d| d[k] * d[k]).sum::<f64>() - 14.0).abs() < 1e-9);

@@ -20,11 +20,11 @@ mod surface;
 mod uv;
 
 #[cfg(feature = "quality")]
-pub use appearance::{Appearance, MOST_VIEWS, Snapshots, ViewOptions, directions};
+pub use appearance::{Appearance, MAX_VIEWS, Snapshots, ViewOptions, directions};
 #[cfg(feature = "quality")]
 pub use distance::{Directed, Geometry, SampleOptions, Sampled, Weights, diagonal, geometry, geometry_of};
 #[cfg(feature = "quality")]
-pub use ssim::{LEAST_SIDE, SsimError, ms_ssim};
+pub use ssim::{MIN_SIDE, SsimError, ms_ssim};
 #[cfg(feature = "quality")]
 pub use surface::{Nearest, Origin, Surface};
 #[cfg(feature = "quality")]

@@ -16,7 +16,7 @@ const SIGMA: f64 = 1.5;
 const C1: f64 = (0.01 * 255.0) * (0.01 * 255.0);
 const C2: f64 = (0.03 * 255.0) * (0.03 * 255.0);
 /// The shortest side of which five scales are left that hold a window.
-pub const LEAST_SIDE: u32 = ((WINDOW as u32 - 1) << 4) + 1;
+pub const MIN_SIDE: u32 = ((WINDOW as u32 - 1) << 4) + 1;
 
 /// Why two pictures cannot be compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
@@ -25,7 +25,7 @@ pub enum SsimError {
     #[error("pictures of {0} by {1} and of {2} by {3} pixels cannot be compared; make them of one size")]
     Sizes(u32, u32, u32, u32),
     /// Too small for five scales.
-    #[error("pictures of {0} by {1} pixels are too small to be compared; each side takes at least {LEAST_SIDE} pixels")]
+    #[error("pictures of {0} by {1} pixels are too small to be compared; each side takes at least {MIN_SIDE} pixels")]
     Small(u32, u32),
 }
 
@@ -37,7 +37,7 @@ pub fn ms_ssim(a: &Picture, b: &Picture) -> Result<f64, SsimError> {
     if (a.width, a.height) != (b.width, b.height) {
         return Err(SsimError::Sizes(a.width, a.height, b.width, b.height));
     }
-    if a.width.min(a.height) < LEAST_SIDE {
+    if a.width.min(a.height) < MIN_SIDE {
         return Err(SsimError::Small(a.width, a.height));
     }
     if a.rgb == b.rgb {
@@ -184,7 +184,7 @@ mod tests {
         assert_eq!(ms_ssim(&a, &picture(180, 176, base)), Err(SsimError::Sizes(176, 180, 180, 176)));
         let small = picture(160, 200, base);
         assert_eq!(ms_ssim(&small, &small), Err(SsimError::Small(160, 200)));
-        assert_eq!(LEAST_SIDE, 161);
+        assert_eq!(MIN_SIDE, 161);
     }
 
     /// Values of an implementation of others (pytorch-msssim 1.0.0, `data_range=255`) for the same pictures.

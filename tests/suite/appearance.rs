@@ -3,26 +3,26 @@
 
 use crate::common::small;
 use lodestream::format::complex::NONE;
-use lodestream::format::container::{Front, Kind, Parsed};
+use lodestream::format::container::{FileIndex, Kind, Parsed};
 use lodestream::format::decoder::{DecodeError, DecodeOptions, Decoder, Step};
 use lodestream::samples::torus;
-use small::{dress, file};
+use small::{file, quantize_attributes};
 
-fn front(bytes: &[u8]) -> Front {
-    match Front::parse(bytes) {
+fn front(bytes: &[u8]) -> FileIndex {
+    match FileIndex::parse(bytes) {
         Ok(Parsed::Ready(front)) => front,
         other => panic!("{other:?}"),
     }
 }
 
 /// The place of the first chunk of a kind.
-fn of(front: &Front, kind: Kind) -> usize {
+fn of(front: &FileIndex, kind: Kind) -> usize {
     front.chunks().iter().position(|c| c.kind == kind).unwrap()
 }
 
 #[test]
 fn each_level_has_wedges_labels_and_as_much_of_the_appearance_as_arrived() {
-    let mesh = dress(torus(9, 8), 4);
+    let mesh = quantize_attributes(torus(9, 8), 4);
     let bytes = file(&mesh, 11);
     let front = front(&bytes);
     let mut decoder = Decoder::new(DecodeOptions::default());
@@ -68,7 +68,7 @@ fn each_level_has_wedges_labels_and_as_much_of_the_appearance_as_arrived() {
 
 #[test]
 fn materials_and_images_may_be_fetched_apart() {
-    let mesh = dress(torus(9, 8), 4);
+    let mesh = quantize_attributes(torus(9, 8), 4);
     let bytes = file(&mesh, 11);
     let front = front(&bytes);
     let payload = |k: usize| {

@@ -3,7 +3,7 @@
 #![cfg(all(feature = "encode", feature = "samples"))]
 
 use crate::common::small;
-use lodestream::format::container::{ContainerError, Front, Parsed};
+use lodestream::format::container::{ContainerError, FileIndex, Parsed};
 use lodestream::format::decoder::{DecodeError, DecodeOptions, Decoder, Step};
 use lodestream::mesh::{Layer, LayerKind, Mesh};
 use small::{file, files};
@@ -56,7 +56,7 @@ fn every_prefix_gives_the_best_whole_level() {
             let (reached, end, mut decoder) = run(&bytes[..cut]);
             // A last chunk may be empty: then all levels are there, whatever follows.
             assert!(matches!(end, Ok(Step::NeedBytes | Step::Full)), "{name} cut at {cut}: {end:?}");
-            let level = match Front::parse(&bytes[..cut]) {
+            let level = match FileIndex::parse(&bytes[..cut]) {
                 Ok(Parsed::Ready(front)) => front.whole_level(cut as u64),
                 Ok(Parsed::NeedBytes(_)) => None,
                 Err(error) => panic!("{name} cut at {cut}: {error}"),

@@ -4,7 +4,7 @@
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use lodestream::encode::quality_order::{Effort, Options, ScheduleError, Scheduled, by_quality};
 use lodestream::encode::{EncodeOptions, Schedule, encode};
-use lodestream::format::container::{ChunkInfo, Front, Kind, Parsed, Preview};
+use lodestream::format::container::{ChunkInfo, FileIndex, Kind, Parsed, Preview};
 use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
 use lodestream::image::preview::{Previews, add_previews};
 use lodestream::io::write::{WriteOptions, write_path};
@@ -81,8 +81,8 @@ fn ordered(file: &[u8]) -> Scheduled {
     by_quality(file, &OPTIONS, &|_, _| {}).expect("it can be put in order")
 }
 
-fn front(bytes: &[u8]) -> Front {
-    match Front::parse(bytes) {
+fn front(bytes: &[u8]) -> FileIndex {
+    match FileIndex::parse(bytes) {
         Ok(Parsed::Ready(front)) => front,
         other => panic!("{other:?}"),
     }
@@ -217,7 +217,7 @@ fn what_cannot_be_put_in_order_says_why() {
     let half = plain.len() / 2;
     let cut = format!("the file is cut: {half} bytes of {}", plain.len());
     assert!(why(&plain[..half]).starts_with(&cut), "{}", why(&plain[..half]));
-    assert_eq!(why(b"solid nothing"), Front::parse(b"solid nothing").expect_err("no file").to_string());
+    assert_eq!(why(b"solid nothing"), FileIndex::parse(b"solid nothing").expect_err("no file").to_string());
     let mut flipped = plain.clone();
     *flipped.last_mut().expect("bytes") ^= 1;
     assert!(matches!(

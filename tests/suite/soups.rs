@@ -1,7 +1,7 @@
 //! Round trips of random polygon soups through the whole codec: exact through the map, and every prefix decodes.
 
 use lodestream::encode::{EncodeOptions, encode};
-use lodestream::format::container::{Front, Parsed};
+use lodestream::format::container::{FileIndex, Parsed};
 use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
 use lodestream::mesh::Mesh;
 use lodestream::mesh::lattice::{Lattice, Quantization};
@@ -77,7 +77,7 @@ fn all_prefixes(bytes: &[u8]) -> Result<(), TestCaseError> {
             }
         }
         prop_assert!(decoder.finish().is_err());
-        if let Ok(Parsed::Ready(front)) = Front::parse(&bytes[..cut]) {
+        if let Ok(Parsed::Ready(front)) = FileIndex::parse(&bytes[..cut]) {
             prop_assert_eq!(reached, front.whole_level(cut as u64));
         }
     }

@@ -4,12 +4,12 @@
 use crate::common::small;
 use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
 use lodestream::encode::{EncodeOptions, Encoded, Schedule, encode};
-use lodestream::format::container::{Chunk, Front, Kind, Parsed, Preview, write};
+use lodestream::format::container::{Chunk, FileIndex, Kind, Parsed, Preview, write};
 use lodestream::format::decoder::{DecodeError, DecodeOptions, Decoder, MissingImages, Step};
-use lodestream::image::jpeg::{Exactness, Way, same_picture};
+use lodestream::image::jpeg::{Exactness, Treatment, same_picture};
 use lodestream::mesh::{Image, Mesh};
 use lodestream::samples::torus;
-use small::{Random, dress};
+use small::{Random, quantize_attributes};
 
 /// A picture with something to see, by an encoder that is not ours.
 fn jpeg(side: u16, color: ColorType, progressive: bool) -> Vec<u8> {
@@ -38,7 +38,7 @@ fn textured(side: u16) -> Mesh {
 }
 
 fn with_images(mesh: Mesh, side: u16) -> Mesh {
-    let mut mesh = dress(mesh, 4);
+    let mut mesh = quantize_attributes(mesh, 4);
     let colour = jpeg(side, ColorType::Rgb, false);
     let cut = colour[..colour.len() - 7].to_vec();
     let files = [colour, jpeg(side, ColorType::Luma, true), cut, Vec::new(), b"\x89PNG and so on".to_vec()];
@@ -51,8 +51,8 @@ fn encoded(mesh: &Mesh, schedule: Schedule, images: Exactness) -> Encoded {
     encode(mesh, &EncodeOptions { schedule, images, ..EncodeOptions::default() }, &|_| {}).unwrap()
 }
 
-fn front(bytes: &[u8]) -> Front {
-    match Front::parse(bytes) {
+fn front(bytes: &[u8]) -> FileIndex {
+    match FileIndex::parse(bytes) {
         Ok(Parsed::Ready(front)) => front,
         other => panic!("{other:?}"),
     }
@@ -82,9 +82,9 @@ fn images_come_back_without_loss_in_every_order() {
     for schedule in Schedule::ALL {
         for exactness in EXACTNESS {
             let Encoded { bytes, report, .. } = encoded(&mesh, schedule, exactness);
-            let ways: Vec<Way> = report.images.iter().map(|i| i.way).collect();
-            let progressive = if exactness == Exactness::Bytes { Way::Cut } else { Way::Transcoded };
-            assert!(matches!(ways[..], [Way::Transcoded, _, Way::Kept(_), Way::Kept(_)]), "{ways:?}");
+            let ways: Vec<Treatment> = report.images.iter().map(|i| i.way).collect();
+            let progressive = if exactness == Exactness::Bytes { Treatment::Cut } else { Treatment::Transcoded };
+            assert!(matches!(ways[..], [Treatment::Transcoded, _, Treatment::Kept(_), Treatment::Kept(_)]), "{ways:?}");
             assert_eq!(ways[1], progressive);
             assert_eq!(report.images[2].name, "2.jpg");
             if exactness == Exactness::Coefficients {
@@ -189,7 +189,7 @@ fn pieces_may_be_fetched_apart_in_their_order() {
     );
     assert_eq!(
         offer(&mut decoder, Kind::Recipe, 0, 0),
-        Err(format!("level 0: the recipe of an image before the image{tail}"))
+        Err(format!("level 0: the reconstruction of an image before the image{tail}"))
     );
     offer(&mut decoder, Kind::Image, 0, 1).unwrap();
     offer(&mut decoder, Kind::Image, 0, 0).unwrap();
@@ -232,7 +232,7 @@ fn damage_is_noticed_and_memory_is_kept() {
 }
 
 /// The chunks of a file with their payloads.
-fn chunks(bytes: &[u8]) -> (Front, Vec<Chunk>) {
+fn chunks(bytes: &[u8]) -> (FileIndex, Vec<Chunk>) {
     let front = front(bytes);
     let chunk = |k: usize| front.chunks()[k].chunk(front.payload(bytes, k).unwrap().unwrap().to_vec());
     let chunks = (0..front.chunks().len()).map(chunk).collect();
@@ -324,7 +324,7 @@ fn previews_that_make_no_sense_are_passed_over() {
         let file = write(front.header(), &file).unwrap();
         let (end, mut decoder) = run(&file);
         assert_eq!((end, decoder.to_mesh()), (Ok(Step::Full), whole.clone()));
-        let first = Front::parse(&file).unwrap();
+        let first = FileIndex::parse(&file).unwrap();
         let Parsed::Ready(first) = first else { panic!("a front") };
         let piece = first.chunks().iter().find(|c| c.kind == Kind::Image && c.image == 0).unwrap().offset;
         run(&file[..piece as usize]).1.appearance().unwrap().images[0].clone()
@@ -345,7 +345,7 @@ fn previews_that_make_no_sense_are_passed_over() {
     // They take memory, which is counted before.
     let many: Vec<Chunk> = (0..20).map(|k| of(0, k, &small)).collect();
     let file = write(front.header(), &[&chunks[..=appearance], &many, &chunks[appearance + 1..]].concat()).unwrap();
-    let Ok(Parsed::Ready(more)) = Front::parse(&file) else { panic!("a front") };
+    let Ok(Parsed::Ready(more)) = FileIndex::parse(&file) else { panic!("a front") };
     let full = front.full_level();
     assert_eq!(more.memory(full), front.memory(full) + 20 * (small.len() as u64 + 2));
 }

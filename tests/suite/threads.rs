@@ -3,7 +3,7 @@
 
 use crate::common::small;
 use lodestream::encode::{EncodeOptions, encode};
-use lodestream::format::container::{Front, Kind, Parsed};
+use lodestream::format::container::{FileIndex, Kind, Parsed};
 use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
 use lodestream::mesh::Mesh;
 use lodestream::samples::{crumbs, soup, sphere, terrain};
@@ -24,9 +24,9 @@ fn any_number_of_threads_gives_the_same_attributes() {
         let f: Vec<u32> = f.iter().map(|v| v + first).collect();
         mesh.push_face(&f);
     }
-    let mesh = small::dress(mesh, 8);
+    let mesh = small::quantize_attributes(mesh, 8);
     let one = bytes(&mesh, 1);
-    let Ok(Parsed::Ready(front)) = Front::parse(&one.0) else { panic!("a valid file") };
+    let Ok(Parsed::Ready(front)) = FileIndex::parse(&one.0) else { panic!("a valid file") };
     assert!(front.chunks().iter().any(|c| c.kind == Kind::Segment && c.segments > 1), "several segments in a batch");
     for threads in [2, 5] {
         assert!(bytes(&mesh, threads) == one, "{threads} threads give another file than one");
@@ -57,7 +57,7 @@ fn any_number_of_threads_gives_the_same_bytes() {
         mesh.push_face(&f);
     }
     let one = bytes(&mesh, 1);
-    let Ok(Parsed::Ready(front)) = Front::parse(&one.0) else { panic!("a valid file") };
+    let Ok(Parsed::Ready(front)) = FileIndex::parse(&one.0) else { panic!("a valid file") };
     assert!(front.chunks().iter().any(|c| c.segments > 2), "several segments in a batch");
     for threads in [2, 3, 8] {
         assert!(bytes(&mesh, threads) == one, "{threads} threads give another file than one");

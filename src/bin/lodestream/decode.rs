@@ -6,7 +6,7 @@ use crate::progress::Bars;
 use crate::shared::{self, Machine};
 use crate::stream::Stream;
 use anyhow::{Context, Result, bail};
-use lodestream::format::container::Front;
+use lodestream::format::container::FileIndex;
 use lodestream::format::decoder::DecodeOptions;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -67,7 +67,7 @@ fn parse_error(text: &str) -> Result<f64, String> {
 
 impl Choice {
     /// The number of the level asked for.
-    pub fn pick(&self, front: &Front) -> Result<u32> {
+    pub fn pick(&self, front: &FileIndex) -> Result<u32> {
         let header = front.header();
         let full = header.full_level();
         let vertices = |level: u32| header.levels.get(level as usize).map_or(0, |row| u64::from(row.vertices));

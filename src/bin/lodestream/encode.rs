@@ -10,7 +10,7 @@ use clap::ValueEnum;
 use lodestream::encode::quality_order::{self, Effort, Order, Scheduled};
 use lodestream::encode::trace::Trace;
 use lodestream::encode::{self, EncodeOptions, EncodeReport, Encoded, ImageReport, Progress, Stage};
-use lodestream::image::jpeg::{Exactness, Odd, Way};
+use lodestream::image::jpeg::{Exactness, Treatment, Unsupported};
 use lodestream::image::preview::{Previews, add_previews};
 use lodestream::image::recompress::{Recompressed, Sampling, Textures, recompress};
 use lodestream::io::read::{DropSet, ReadMesh, ReadOptions};
@@ -335,8 +335,8 @@ pub fn run(args: &Args) -> Result<Outcome> {
         }
         for image in &encoded.report.images {
             // A PNG is none for a reason that nobody needs to be told.
-            if let Way::Kept(odd) = image.way
-                && odd != Odd::NO_JPEG
+            if let Treatment::Kept(odd) = image.way
+                && odd != Unsupported::NO_JPEG
             {
                 shared::warn(format!("{name}: {}: kept as it is: {odd}", image.name));
             }
@@ -411,7 +411,7 @@ fn account(encoded: &Encoded, seconds: [f64; 3]) -> Value {
             "pieces": i.pieces,
             "previews": i.previews,
             "way": way(i.way),
-            "reason": match i.way { Way::Kept(odd) => Some(odd.to_string()), _ => None },
+            "reason": match i.way { Treatment::Kept(odd) => Some(odd.to_string()), _ => None },
         })).collect::<Vec<_>>(),
         "levels": report.levels,
         "edges_weighed": report.edges_weighed,
@@ -428,11 +428,11 @@ fn account(encoded: &Encoded, seconds: [f64; 3]) -> Value {
 }
 
 /// One word for what was done with an image.
-fn way(way: Way) -> &'static str {
+fn way(way: Treatment) -> &'static str {
     match way {
-        Way::Kept(_) => "kept",
-        Way::Cut => "cut",
-        Way::Transcoded => "transcoded",
+        Treatment::Kept(_) => "kept",
+        Treatment::Cut => "cut",
+        Treatment::Transcoded => "transcoded",
     }
 }
 

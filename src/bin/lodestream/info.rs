@@ -4,7 +4,7 @@ use crate::Outcome;
 use crate::shared;
 use crate::stream::Stream;
 use anyhow::Result;
-use lodestream::format::container::{ChunkInfo, Front, Kind};
+use lodestream::format::container::{ChunkInfo, FileIndex, Kind};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -34,17 +34,17 @@ fn kind_name(kind: Kind) -> &'static str {
         Kind::Levels => "levels",
         Kind::Segment => "segment",
         Kind::Aside => "aside",
-        Kind::Lone => "lone",
+        Kind::ExtraAttributes => "lone",
         Kind::Appearance => "appearance",
         Kind::Image => "image",
-        Kind::Recipe => "recipe",
+        Kind::Recipe => "reconstruction",
         Kind::Preview => "preview",
         _ => "other",
     }
 }
 
 /// The bytes that come with a level, by kind of chunk. A chunk of several levels counts for the first of them.
-fn bytes_by_kind(front: &Front, level: u32) -> Vec<(&'static str, u64)> {
+fn bytes_by_kind(front: &FileIndex, level: u32) -> Vec<(&'static str, u64)> {
     let mut sums: Vec<(&'static str, u64)> = Vec::new();
     for chunk in front.chunks().iter().filter(|c| c.first_level == level) {
         let name = kind_name(chunk.kind);

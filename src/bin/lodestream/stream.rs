@@ -3,7 +3,7 @@
 use crate::progress::Bars;
 use crate::shared;
 use anyhow::{Context, Result};
-use lodestream::format::container::{ContainerError, Front, Kind, MAGIC, Parsed};
+use lodestream::format::container::{ContainerError, FileIndex, Kind, MAGIC, Parsed};
 use lodestream::format::decoder::{DecodeOptions, Decoder, MissingImages, Step};
 use std::io::Read;
 use std::path::Path;
@@ -16,7 +16,7 @@ const BLOCK: u64 = 1 << 18;
 pub struct Stream {
     name: String,
     source: Box<dyn Read>,
-    front: Front,
+    front: FileIndex,
     /// Bytes read and not yet handed to a decoder.
     pending: Vec<u8>,
     bytes_read: u64,
@@ -50,7 +50,7 @@ impl Stream {
             let wanted = need.saturating_sub(have);
             read_time += read(&mut source, &mut bytes, wanted).with_context(|| format!("{name}: cannot be read"))?;
             let ended = (bytes.len() as u64) < need;
-            match Front::parse(&bytes).with_context(|| name.clone())? {
+            match FileIndex::parse(&bytes).with_context(|| name.clone())? {
                 Parsed::Ready(front) => {
                     let bytes_read = bytes.len() as u64;
                     return Ok(Stream { name, source, front, pending: bytes, bytes_read, read_time });
@@ -66,7 +66,7 @@ impl Stream {
     }
 
     /// What the file says about itself.
-    pub fn front(&self) -> &Front {
+    pub fn front(&self) -> &FileIndex {
         &self.front
     }
 

@@ -12,7 +12,7 @@ mod spokes;
 use self::folds::{folds_polygons, folds_triangles};
 use self::spokes::{Crossing, crossings, frame, middles};
 use super::lanes::{LANES, Lane, Lane3, V, V3, all3, of3, put3, vcross, vdot, vscale, vsub};
-use super::weight::{Class, Patch, RING_MOST, Weight};
+use super::weight::{Class, MAX_RING, Patch, Weight};
 use pulp::{Scalar, Simd};
 
 /// Where the lanes without a triangle lie: far from everything, yet its square is finite.
@@ -300,7 +300,7 @@ fn ordinary<S: Simd>(simd: S, patch: &Patch, scratch: &mut Scratch) -> (f32, boo
     let a = scale(b, -1.0);
     // No point of either patch is farther from the other than the ends move.
     let reach = dot(b, b);
-    if patch.ring.len() > RING_MOST {
+    if patch.ring.len() > MAX_RING {
         return (reach, folds_polygons(patch, a, b));
     }
     lay_out(simd, patch, scratch);

@@ -26,9 +26,7 @@ pub use gather::Gatherer;
 pub(crate) use gather::Side;
 pub use seam::{SeamInput, SeamPatch, SeamReader, add_seams, seam_displacement};
 pub use weigher::{Carried, WeighInput, Weigher, dirty_vertices};
-pub use weight::{
-    Class, Patch, PatchTriangle, RING_MOST, RingVertex, Scratch, Weight, edge_weight, triangle_distance2,
-};
+pub use weight::{Class, MAX_RING, Patch, PatchTriangle, RingVertex, Scratch, Weight, edge_weight, triangle_distance2};
 
 #[cfg(test)]
 pub(crate) mod tests;

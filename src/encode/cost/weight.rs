@@ -16,7 +16,7 @@
 //! - at borders and dangling edges (edges of exactly one element): `a` and `b` to the border after, `v` to the border before, or a border in
 //!   a flat region would erode for free.
 //!
-//! A ring of more than [`RING_MOST`] vertices is not sampled: half the length of the edge, which no distance exceeds,
+//! A ring of more than [`MAX_RING`] vertices is not sampled: half the length of the edge, which no distance exceeds,
 //! is the value.
 //!
 //! **Penalty.** Where a surviving face turns its vector area by more than 90 degrees, or becomes a sliver (area
@@ -29,7 +29,7 @@ pub(crate) use super::kernel::edge_weight_by;
 pub use super::kernel::{Scratch, edge_weight, triangle_distance2};
 
 /// The largest ring that is sampled; above it the cost of sampling, quadratic in the ring, would rule the whole job.
-pub const RING_MOST: usize = 256;
+pub const MAX_RING: usize = 256;
 
 /// The classes of collapses, in the order in which they are admitted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

@@ -2,7 +2,7 @@
 
 use super::plan::Cell;
 use super::{Layout, Options, Previews, ScheduleError};
-use crate::format::container::{ContainerError, Front, Kind, Preview};
+use crate::format::container::{ContainerError, FileIndex, Kind, Preview};
 use crate::format::decoder::{DecodeError, DecodeOptions, Decoder, Step};
 use crate::image::jpeg::END;
 use crate::mesh::Mesh;
@@ -25,7 +25,7 @@ enum State {
 /// A file, its pictures, and what was decoded of it.
 pub(super) struct Stage<'a> {
     file: &'a [u8],
-    front: &'a Front,
+    front: &'a FileIndex,
     memory_limit: u64,
     shown: Vec<bool>,
     /// Pictures of the whole file, if it has images that are drawn.
@@ -38,7 +38,7 @@ impl<'a> Stage<'a> {
     /// Decode the whole file, and draw it if its images are to be seen.
     pub(super) fn new(
         file: &'a [u8],
-        front: &'a Front,
+        front: &'a FileIndex,
         previews: &'a Previews,
         options: &Options,
     ) -> Result<Self, ScheduleError> {
@@ -216,7 +216,7 @@ impl Levels {
 /// Images decoded from their previews and their first pieces.
 struct Images<'a> {
     file: &'a [u8],
-    front: &'a Front,
+    front: &'a FileIndex,
     previews: &'a Previews,
     /// By image and state: the image, or nothing where it does not decode; and when it was used last.
     kept: BTreeMap<(usize, State), (Option<Drawable>, u64)>,

@@ -8,7 +8,7 @@
 //!
 //! Invariants: level 0 and the materials come first; previews of all images that are drawn come before pieces of any, pieces of an image keep
 //! their order, and so do levels; images that are not drawn (normal
-//! maps, roughness) come when all that is seen is there, recipes last. Pictures are drawn on the processor, so the bytes do not depend on
+//! maps, roughness) come when all that is seen is there, reconstructions last. Pictures are drawn on the processor, so the bytes do not depend on
 //! the number of threads or a graphics card.
 
 mod draw;
@@ -19,7 +19,7 @@ use self::draw::Stage;
 use self::plan::{Cell, Sizes};
 use self::surface::Surface;
 use crate::encode::Schedule;
-use crate::format::container::{Chunk, ChunkInfo, ContainerError, Front, Kind, Parsed, Preview, write_borrowed};
+use crate::format::container::{Chunk, ChunkInfo, ContainerError, FileIndex, Kind, Parsed, Preview, write_borrowed};
 use crate::format::decoder::DecodeError;
 use crate::quality::SsimError;
 use std::collections::BTreeMap;
@@ -201,7 +201,7 @@ pub fn by_quality(
     options: &Options,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Scheduled, ScheduleError> {
-    let front = match Front::parse(file)? {
+    let front = match FileIndex::parse(file)? {
         Parsed::Ready(front) => front,
         Parsed::NeedBytes(need) => {
             return Err(ContainerError::Truncated { have: file.len() as u64, need, exact: false, level: None }.into());
@@ -279,7 +279,7 @@ pub fn by_quality(
 
 /// Bytes before the first chunk.
 fn front_length(file: &[u8]) -> Result<u64, ContainerError> {
-    Ok(match Front::parse(file)? {
+    Ok(match FileIndex::parse(file)? {
         Parsed::Ready(front) => front.length(),
         Parsed::NeedBytes(need) => need,
     })
@@ -288,7 +288,7 @@ fn front_length(file: &[u8]) -> Result<u64, ContainerError> {
 /// Of chunks that are previews of images that are there: the image, and the number of the preview.
 type Previews = BTreeMap<usize, (usize, u32)>;
 
-fn previews(file: &[u8], front: &Front) -> Result<Previews, ContainerError> {
+fn previews(file: &[u8], front: &FileIndex) -> Result<Previews, ContainerError> {
     let mut out = Previews::new();
     for (i, _) in front.chunks().iter().enumerate().filter(|(_, c)| c.kind == Kind::Preview) {
         let preview = front.payload(file, i)?.and_then(Preview::of);
@@ -310,12 +310,12 @@ struct Layout {
     levels: Vec<u32>,
     /// Chunks of each step of the images that are drawn: previews, then pieces.
     pieces: Vec<Vec<usize>>,
-    /// Images that are not drawn, recipes, and what else stands in the file.
+    /// Images that are not drawn, reconstructions, and what else stands in the file.
     rest: Vec<usize>,
 }
 
 impl Layout {
-    fn new(front: &Front, previews: &Previews, drawn: &[bool]) -> Self {
+    fn new(front: &FileIndex, previews: &Previews, drawn: &[bool]) -> Self {
         let chunks = front.chunks();
         let is_drawn = |image: usize| drawn.get(image).copied().unwrap_or(false);
         let (mut first, mut mesh, mut late, mut rest) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
@@ -330,7 +330,7 @@ impl Layout {
                     None => mesh.push(vec![i]),
                 },
                 Kind::Levels | Kind::Segment => mesh.push(vec![i]),
-                Kind::Aside | Kind::Lone => late.push(i),
+                Kind::Aside | Kind::ExtraAttributes => late.push(i),
                 Kind::Image if is_drawn(c.image as usize) => seen.push(i),
                 Kind::Image => unseen.push(i),
                 Kind::Preview => match previews.get(&i) {
@@ -366,7 +366,7 @@ impl Layout {
     }
 
     /// Without the bytes before the first chunk.
-    fn sizes(&self, front: &Front) -> Sizes {
+    fn sizes(&self, front: &FileIndex) -> Sizes {
         let bytes = |group: &[usize]| group.iter().map(|&i| front.chunks()[i].length).sum::<u64>();
         let sums = |groups: &[Vec<usize>]| {
             let mut sum = 0;
@@ -380,7 +380,7 @@ impl Layout {
     }
 
     /// The file with its chunks along a path.
-    fn write(&self, file: &[u8], front: &Front, path: &[Cell]) -> Result<Vec<u8>, ScheduleError> {
+    fn write(&self, file: &[u8], front: &FileIndex, path: &[Cell]) -> Result<Vec<u8>, ScheduleError> {
         let steps = path.windows(2).flat_map(|pair| match (pair[0], pair[1]) {
             ((l, _), (m, _)) if m > l => &self.mesh[l],
             ((_, s), _) => &self.pieces[s],

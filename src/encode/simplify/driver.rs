@@ -6,7 +6,7 @@
 //! Where a device weighs, the processor bounds the error of the batch before (which nothing but the next bounds reads) and
 //! makes its record meanwhile; otherwise one follows the other, and the finer level is let go first.
 
-use super::history::{History, Stored};
+use super::history::{History, StoredBatch};
 use super::{SelectInput, SelectOptions, select};
 use crate::encode::cost::{Carried, Engine, SeamInput, WeighInput, Weigher, add_seams, dirty_vertices};
 use crate::format::complex::{Attributes, Coarsened, Level, NONE, Placement, Star, coarsen};
@@ -149,7 +149,7 @@ pub fn simplify_on(
         let mut span = trace.span("loop", "collapse");
         span.items(edges.len() as u64);
         let c = coarsen(level, &star, &edges, &leaving, placement);
-        let mut stored = Stored::new(&c, level, &history.vertex_slot, &history.face_slot, placement);
+        let mut stored = StoredBatch::new(&c, level, &history.vertex_slot, &history.face_slot, placement);
         if !history.attributes.layers.is_empty() || !history.attributes.labels.is_empty() {
             let fine = std::mem::take(&mut history.attributes);
             let faces = &history.base.faces;

@@ -75,7 +75,7 @@ pub fn follow(c: &Coarsened, fine: &Level, star: &Star, error: &[f32], anchor: [
     for (&v, bound) in c.batch.vertex.iter().zip(bounds) {
         out[v as usize] = out[v as usize].max(bound);
     }
-    told_by_others(c, error, drop, &mut out);
+    occupancy_known(c, error, drop, &mut out);
     out
 }
 
@@ -151,15 +151,15 @@ impl Pieces {
 }
 
 /// Points that left: the nearest vertex that stays takes their bound and its distance.
-fn told_by_others(c: &Coarsened, error: &[f32], drop: f32, out: &mut [f32]) {
-    if c.births.is_empty() || out.is_empty() {
+fn occupancy_known(c: &Coarsened, error: &[f32], drop: f32, out: &mut [f32]) {
+    if c.new_vertices.is_empty() || out.is_empty() {
         return;
     }
     let shift = c.level.shift as u32;
     let stay = &c.level.positions;
     // A grid with about one vertex a cell.
     let (mut lo, mut hi) = (stay[0], stay[0]);
-    for p in stay.iter().chain(&c.batch.births) {
+    for p in stay.iter().chain(&c.batch.new_vertices) {
         for k in 0..3 {
             lo[k] = lo[k].min(p[k]);
             hi[k] = hi[k].max(p[k]);
@@ -173,7 +173,7 @@ fn told_by_others(c: &Coarsened, error: &[f32], drop: f32, out: &mut [f32]) {
         grid.entry(place(p)).or_default().push(v as u32);
     }
     let most = (side as i64 / cell) + 1;
-    for (&old, p) in c.births.iter().zip(&c.batch.births) {
+    for (&old, p) in c.new_vertices.iter().zip(&c.batch.new_vertices) {
         let at = place(p);
         let mut best: Option<(i64, u32)> = None;
         for reach in 0..=most {

@@ -19,7 +19,7 @@ pub struct StoredTriangle {
 
 /// A batch by slots. Takes about 60 bytes a split.
 #[derive(Clone, Debug, Default)]
-pub struct Stored {
+pub struct StoredBatch {
     /// The slots of the children of each split; the merged vertex has the first.
     pub pairs: Vec<[u32; 2]>,
     /// `v1 − v2` in steps of the coarser level.
@@ -36,10 +36,10 @@ pub struct Stored {
     pub edge_start: Vec<u32>,
     /// The slots of the dangling edges that appear.
     pub edges: Vec<u32>,
-    /// The slots of the births.
-    pub births: Vec<u32>,
-    /// Where the births lie, in steps of the coarser level.
-    pub birth_positions: Vec<[i32; 3]>,
+    /// The slots of the new_vertices.
+    pub new_vertices: Vec<u32>,
+    /// Where the new_vertices lie, in steps of the coarser level.
+    pub new_vertex_positions: Vec<[i32; 3]>,
     /// The shift of the finer level.
     pub shift: u8,
     /// How the merged vertices were placed.
@@ -52,21 +52,21 @@ pub struct Stored {
     pub layers: Vec<StoredWedges>,
 }
 
-impl Stored {
+impl StoredBatch {
     /// Store what `coarsen` made; the slots are those of the finer level.
     pub fn new(c: &Coarsened, fine: &Level, vertex_slot: &[u32], face_slot: &[u32], placement: Placement) -> Self {
         let b = &c.batch;
-        let mut s = Stored {
+        let mut s = StoredBatch {
             pairs: c.pairs.iter().map(|p| p.map(|v| vertex_slot[v as usize])).collect(),
             delta: b.delta.clone(),
             side_start: vec![0],
             triangle_start: vec![0],
             edge_start: vec![0],
-            births: c.births.iter().map(|&v| vertex_slot[v as usize]).collect(),
-            birth_positions: b.births.clone(),
+            new_vertices: c.new_vertices.iter().map(|&v| vertex_slot[v as usize]).collect(),
+            new_vertex_positions: b.new_vertices.clone(),
             shift: b.shift,
             placement,
-            ..Stored::default()
+            ..StoredBatch::default()
         };
         let mut coarse_slot = vec![0u32; c.level.positions.len()];
         for (v, &w) in c.vertex.iter().enumerate().rev() {
@@ -130,7 +130,7 @@ pub struct History {
     /// The label of each element of the full level; empty where all have label 0.
     pub labels: Vec<u16>,
     /// The batches, finest first.
-    pub batches: Vec<Stored>,
+    pub batches: Vec<StoredBatch>,
     /// Edges weighed in all.
     pub edges_weighed: u64,
     /// Seconds spent weighing, selecting, collapsing.

@@ -3,15 +3,15 @@
 mod driver;
 mod error;
 mod history;
+mod levels;
 mod order;
-mod replay;
 mod select;
 mod wedges;
 
 pub use driver::{SimplifyOptions, simplify, simplify_on};
-pub use history::{History, Stored, StoredTriangle};
+pub use history::{History, StoredBatch, StoredTriangle};
+pub use levels::{EncodedLevels, LevelsError, Piece, encode_levels};
 pub use order::reorder;
-pub use replay::{Piece, ReplayError, Replayed, replay};
 pub use select::{SelectInput, SelectOptions, select};
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use super::values::{Far, VALUE_LIMIT, Value, ValueModels, WIDTH, code_far};
 use super::{MAX_LAYERS, Scheme};
 use crate::format::coder::range::{Bit, Coder};
 use crate::format::complex::{Attributes, Faces, MAX_WEDGES, NONE, Wedges};
-use crate::format::split::segment::Nonsense;
+use crate::format::split::segment::InvalidStream;
 
 /// Wedges of a vertex that are considered; a further corner gets a wedge of its own.
 const NEAR: usize = 64;
@@ -28,15 +28,15 @@ fn padded(value: &[i32]) -> Value {
     out
 }
 
-fn checked(value: Value) -> Result<Value, Nonsense> {
+fn checked(value: Value) -> Result<Value, InvalidStream> {
     if value.iter().any(|c| c.unsigned_abs() > VALUE_LIMIT as u32) {
-        return Err(Nonsense("a value out of range"));
+        return Err(InvalidStream("a value out of range"));
     }
     Ok(value)
 }
 
-fn ends_early<C: Coder>(coder: &C) -> Result<(), Nonsense> {
-    if coder.overrun() { Err(Nonsense("values that end too early")) } else { Ok(()) }
+fn ends_early<C: Coder>(coder: &C) -> Result<(), InvalidStream> {
+    if coder.overrun() { Err(InvalidStream("values that end too early")) } else { Ok(()) }
 }
 
 fn code_labels<C: Coder>(
@@ -45,7 +45,7 @@ fn code_labels<C: Coder>(
     scheme: &Scheme,
     labels: &mut Vec<u16>,
     elements: usize,
-) -> Result<(), Nonsense> {
+) -> Result<(), InvalidStream> {
     if scheme.presence.len() < 2 {
         labels.clear();
         return Ok(());
@@ -70,7 +70,7 @@ fn code_labels<C: Coder>(
 /// which number each had before. A decoder comes with nothing but `most`, how many wedges each layer may have; an encoder's is empty.
 ///
 /// # Errors
-/// [`Nonsense`] from a stream that contradicts itself.
+/// [`InvalidStream`] from a stream that contradicts itself.
 pub fn code_base_layers<C: Coder>(
     coder: &mut C,
     scheme: &Scheme,
@@ -78,7 +78,7 @@ pub fn code_base_layers<C: Coder>(
     faces: &Faces,
     attributes: &mut Attributes,
     most: &[u32],
-) -> Result<Vec<Vec<u32>>, Nonsense> {
+) -> Result<Vec<Vec<u32>>, InvalidStream> {
     if scheme.is_empty() {
         return Ok(Vec::new());
     }
@@ -132,7 +132,7 @@ pub fn code_base_layers<C: Coder>(
                     let value = checked(code_far(coder, &mut values, from, guess, value))?;
                     let w = before.len() as u32;
                     if before.len() >= most.min(MAX_WEDGES) {
-                        return Err(Nonsense("more wedges than the header announces"));
+                        return Err(InvalidStream("more wedges than the header announces"));
                     }
                     before.push(head[v as usize]);
                     head[v as usize] = w;
@@ -154,7 +154,7 @@ pub fn code_base_layers<C: Coder>(
 
 /// Values outside the complex: of elements that travel aside, and of vertices that no element names.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Lone {
+pub struct ExtraAttributes {
     /// The labels of the elements aside; empty where all have label 0.
     pub labels: Vec<u16>,
     /// For each layer a value for each corner aside; `None` where the label leaves it out.
@@ -166,14 +166,14 @@ pub struct Lone {
 /// Code the values of the elements `aside` and of `isolated` vertices.
 ///
 /// # Errors
-/// [`Nonsense`] from a stream that contradicts itself.
-pub fn code_lone_values<C: Coder>(
+/// [`InvalidStream`] from a stream that contradicts itself.
+pub fn code_extra_attributes<C: Coder>(
     coder: &mut C,
     scheme: &Scheme,
     aside: &Faces,
     isolated: usize,
-    lone: &mut Lone,
-) -> Result<(), Nonsense> {
+    lone: &mut ExtraAttributes,
+) -> Result<(), InvalidStream> {
     let mut models = Models::default();
     code_labels(coder, &mut models, scheme, &mut lone.labels, aside.len())?;
     let source = std::mem::take(lone);

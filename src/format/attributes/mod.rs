@@ -1,19 +1,19 @@
 //! Attributes of a split: labels of the elements that appear, wedges of the corners around the children, and their values.
 //!
-//! Core paper sections 4.1 and 5.4, in another form: regions are not numbered, they follow from the wedges. Around a vertex that splits, its
+//! Core paper sections 4.1 and 5.4, in another form: regions are not numbered, they follow from the wedges. OrderedStar a vertex that splits, its
 //! wedges are *groups*. Nearly always a split is *regular* in a layer: each child has at most one wedge of a group, a triangle that appears continues
 //! a wedge beside it, and only which of two sides it continues at a seam has to be told. Then a group that both children have differs by one coded
 //! difference around its middle, and one that a single child has stays as it is. What is not regular (darts, charts that appear, several
 //! wedges out of one) is told corner by corner. `FORMAT.md` has the whole of it.
 
 mod base;
-mod choose;
 mod scratch;
-mod settle;
 mod structure;
 mod values;
+mod wedge_selection;
+mod wedge_values;
 
-pub use base::{Lone, code_base_layers, code_lone_values};
+pub use base::{ExtraAttributes, code_base_layers, code_extra_attributes};
 pub use structure::{AttributeScratch, code_attributes};
 pub use values::{VALUE_LIMIT, Value, WIDTH};
 
@@ -21,7 +21,7 @@ use self::structure::StructureModels;
 use self::values::ValueModels;
 use crate::format::coder::range::Bit;
 use crate::format::complex::Split;
-use crate::format::split::neighbourhood::View;
+use crate::format::split::neighbourhood::LevelGeometry;
 
 /// What holds for the attributes of a whole file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -77,7 +77,7 @@ impl Default for LabelModels {
 
 /// An element around a vertex: its place in the star, and the corners of the vertex and of its neighbours there, counted over the level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Spoke {
+pub struct ElementCorners {
     /// Its place in the star.
     pub place: u32,
     /// The corner of the vertex.
@@ -99,7 +99,7 @@ pub struct Keys {
 
 /// What an encoder knows of the attributes around the children of a split.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Dress {
+pub struct SplitAttributes {
     /// The labels of the elements that appear.
     pub labels: Vec<u16>,
     /// Layer by layer.
@@ -107,9 +107,9 @@ pub struct Dress {
 }
 
 /// Where an encoder's attributes come from; a decoder has none.
-pub trait Wardrobe {
+pub trait AttributeSource {
     /// The attributes around the children of `v`, for a split in canonical form.
-    fn dress(&mut self, _view: &View, _v: u32, _split: &Split, _dress: &mut Dress) {}
+    fn quantize_attributes(&mut self, _view: &LevelGeometry, _v: u32, _split: &Split, _dress: &mut SplitAttributes) {}
     /// The key of wedge `w` of the coarser level.
     fn key(&self, _layer: usize, _w: u32) -> u32 {
         0

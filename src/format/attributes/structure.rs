@@ -1,13 +1,13 @@
 //! Which wedges the corners around the children of a split get.
 
 use super::scratch::{Group, LayerScratch, push_local};
-use super::values::{Frame, Sight, Value, ValueModels, WIDTH};
-use super::{AttributeModels, Dress, Keys, LabelModels, Spoke};
+use super::values::{Frame, LayerNeighbourhood, Value, ValueModels, WIDTH};
+use super::{AttributeModels, ElementCorners, Keys, LabelModels, SplitAttributes};
 use crate::format::coder::range::{Bit, Coder};
 use crate::format::complex::{AttributeBatch, NONE, Side, Split, WedgeBatch};
 use crate::format::split::fan::Shape;
-use crate::format::split::neighbourhood::{Patch, View};
-use crate::format::split::segment::{Nonsense, Source};
+use crate::format::split::neighbourhood::{LevelGeometry, Neighbourhood};
+use crate::format::split::segment::{InvalidStream, Source};
 use std::sync::atomic::AtomicU64;
 
 /// Adaptive models of the structure of one layer.
@@ -47,8 +47,8 @@ impl Default for StructureModels {
 /// Buffers reused from split to split.
 #[derive(Clone, Debug, Default)]
 pub struct AttributeScratch {
-    dress: Dress,
-    spokes: Vec<Spoke>,
+    quantize_attributes: SplitAttributes,
+    spokes: Vec<ElementCorners>,
     /// Neighbour, spoke, corner of the neighbour, in order; for splits with many triangles.
     index: Vec<(u32, u32, u32)>,
     layer: LayerScratch,
@@ -68,19 +68,19 @@ pub fn code_attributes<C: Coder, S: Source>(
     coder: &mut C,
     models: &mut AttributeModels,
     scratch: &mut AttributeScratch,
-    view: &View,
-    patch: &Patch,
+    view: &LevelGeometry,
+    patch: &Neighbourhood,
     split: &Split,
     delta: [i32; 3],
     bias: i32,
     room: &[AtomicU64],
     source: &mut S,
     out: &mut AttributeBatch,
-) -> Result<(), Nonsense> {
+) -> Result<(), InvalidStream> {
     let scheme = view.scheme;
-    let AttributeScratch { dress, spokes, index, layer: rest } = scratch;
+    let AttributeScratch { quantize_attributes, spokes, index, layer: rest } = scratch;
     if !C::DECODING {
-        source.dress(view, patch.vertex, split, dress);
+        source.quantize_attributes(view, patch.vertex, split, quantize_attributes);
     }
     let faces = &view.level.faces;
     let star = view.star.get(patch.vertex);
@@ -97,7 +97,7 @@ pub fn code_attributes<C: Coder, S: Source>(
         let own = start + at;
         let next = if own + 1 == end { start } else { own + 1 };
         let prev = if at == 0 { end - 1 } else { own - 1 };
-        Spoke { place: s.place, own, next, prev }
+        ElementCorners { place: s.place, own, next, prev }
     }));
     let many = split.triangles.len() > MANY;
     if many {
@@ -133,7 +133,7 @@ pub fn code_attributes<C: Coder, S: Source>(
             let from = index.partition_point(|e| e.0 < x);
             adjacent.extend(index[from..].iter().take_while(|e| e.0 == x).take(NEAR).map(|e| (e.1, e.2)));
         } else {
-            let at = |(k, s): (usize, &Spoke)| {
+            let at = |(k, s): (usize, &ElementCorners)| {
                 let corner = [s.next, s.prev].into_iter().find(|&c| faces.corners[c as usize] == x)?;
                 Some((k as u32, corner))
             };
@@ -155,7 +155,7 @@ pub fn code_attributes<C: Coder, S: Source>(
             let first = adjacent.first().map_or(last, |a| label(a.0));
             let second = adjacent.iter().map(|a| label(a.0)).find(|&l| l != first);
             let context = if adjacent.is_empty() { 2 } else { second.is_some() as usize };
-            let wanted = dress.labels.get(t).copied().unwrap_or(0);
+            let wanted = quantize_attributes.labels.get(t).copied().unwrap_or(0);
             last = code_label(coder, &mut models.labels, context, first, second, scheme.presence.len(), wanted);
             out.labels.push(last);
         }
@@ -164,9 +164,15 @@ pub fn code_attributes<C: Coder, S: Source>(
     let bias = bias & 1;
     for (l, (wedges, (structure, values))) in view.attributes.layers.iter().zip(&mut models.layers).enumerate() {
         let none = Keys::default();
-        let keys = dress.layers.get(l).filter(|_| !C::DECODING).unwrap_or(&none);
-        let sight =
-            &Sight { positions: &view.level.positions, names: &faces.corners, wedges, patch, frame: &frame, spokes };
+        let keys = quantize_attributes.layers.get(l).filter(|_| !C::DECODING).unwrap_or(&none);
+        let sight = &LayerNeighbourhood {
+            positions: &view.level.positions,
+            names: &faces.corners,
+            wedges,
+            patch,
+            frame: &frame,
+            spokes,
+        };
         let mut job = Job { coder, structure, values, view, sight, l, split, bias, keys, room };
         let has = |t: usize| scheme.has(out.labels.get(labels + t).copied().unwrap_or(0), l);
         job.run(rest, source, &mut out.layers[l], star.len(), inserted, &has, &beside)?;
@@ -175,8 +181,8 @@ pub fn code_attributes<C: Coder, S: Source>(
 }
 
 /// A split may say that very much appears: behind its end a stream is all zeros, no reason to go on with it.
-fn ends_early<C: Coder>(coder: &C) -> Result<(), Nonsense> {
-    if coder.overrun() { Err(Nonsense("a segment that ends too early")) } else { Ok(()) }
+fn ends_early<C: Coder>(coder: &C) -> Result<(), InvalidStream> {
+    if coder.overrun() { Err(InvalidStream("a segment that ends too early")) } else { Ok(()) }
 }
 
 fn code_label<C: Coder>(
@@ -207,8 +213,8 @@ pub(super) struct Job<'a, C> {
     pub(super) coder: &'a mut C,
     pub(super) structure: &'a mut StructureModels,
     pub(super) values: &'a mut ValueModels,
-    pub(super) view: &'a View<'a>,
-    pub(super) sight: &'a Sight<'a>,
+    pub(super) view: &'a LevelGeometry<'a>,
+    pub(super) sight: &'a LayerNeighbourhood<'a>,
     pub(super) l: usize,
     pub(super) split: &'a Split,
     pub(super) bias: i32,
@@ -261,7 +267,7 @@ impl<C: Coder> Job<'_, C> {
         inserted: usize,
         has: &dyn Fn(usize) -> bool,
         beside: &Beside,
-    ) -> Result<(), Nonsense> {
+    ) -> Result<(), InvalidStream> {
         let n = self.sight.spokes.len();
         // Groups, in order of their wedges' numbers.
         s.group_of.clear();
@@ -353,7 +359,7 @@ impl<C: Coder> Job<'_, C> {
         torn: usize,
         has: &dyn Fn(usize) -> bool,
         beside: &Beside,
-    ) -> Result<(), Nonsense> {
+    ) -> Result<(), InvalidStream> {
         let n = self.sight.spokes.len();
         let triangles = self.split.triangles.len();
         let crowd = if s.groups.len() < 2 {
@@ -403,7 +409,7 @@ impl<C: Coder> Job<'_, C> {
             let wanted = self.wanted(s, source, keys, edge);
             let count = s.places.len();
             if regular && count == 0 {
-                return Err(Nonsense("an element that continues nothing in a regular split"));
+                return Err(InvalidStream("an element that continues nothing in a regular split"));
             }
             let mut linked = count > 0;
             if !regular && count > 0 {

@@ -5,13 +5,13 @@
 //! along the difference of the children it says how much the values differ. How well it fits around says how far to trust it. The same serves
 //! normals, colours and scalars: a learned fraction shrinks the prediction where it does not help.
 
-use super::Spoke;
+use super::ElementCorners;
 use crate::format::coder::density::{Density, MIN_SPREAD, Q};
 use crate::format::coder::range::{Bit, Coder};
 use crate::format::complex::Wedges;
 use crate::format::complex::placement::{cross, dot, root, unit};
 use crate::format::split::fan::Shape;
-use crate::format::split::neighbourhood::{Patch, length};
+use crate::format::split::neighbourhood::{Neighbourhood, length};
 use crate::format::split::vector::half_octaves;
 use crate::mesh::MAX_WIDTH;
 
@@ -158,7 +158,7 @@ pub struct Frame {
 
 impl Frame {
     /// The frame of a split whose children differ by `delta`.
-    pub fn new(patch: &Patch, delta: [i32; 3]) -> Self {
+    pub fn new(patch: &Neighbourhood, delta: [i32; 3]) -> Self {
         let d = delta.map(|c| c as i64);
         let n = patch.normal;
         let lift = dot(d, n) >> 14;
@@ -308,30 +308,30 @@ const STEEP: i64 = 1 << 21;
 
 /// What one layer sees around the vertex that splits.
 #[derive(Clone, Copy)]
-pub struct Sight<'a> {
+pub struct LayerNeighbourhood<'a> {
     /// The level's positions, and for each corner its vertex.
     pub positions: &'a [[i32; 3]],
     pub names: &'a [u32],
     /// The layer.
     pub wedges: &'a Wedges,
     /// The vertex, its plane, and the elements around it.
-    pub patch: &'a Patch,
+    pub patch: &'a Neighbourhood,
     pub frame: &'a Frame,
-    pub spokes: &'a [Spoke],
+    pub spokes: &'a [ElementCorners],
 }
 
-impl Sight<'_> {
+impl LayerNeighbourhood<'_> {
     /// Sums over the corners around the vertex that see wedge `w`.
     fn gather(&self, w: u32) -> Sums {
         let mut s = Sums::default();
-        let Sight { wedges, patch, frame, spokes, .. } = *self;
+        let LayerNeighbourhood { wedges, patch, frame, spokes, .. } = *self;
         let own = wedges.value(w);
         let difference = |corner: u32| {
             let value = wedges.value(wedges.corner[corner as usize]);
             value.iter().zip(own).map(|(&a, &b)| a as i64 - b as i64)
         };
         if patch.around.shape == Shape::Closed && spokes.iter().all(|spoke| wedges.corner[spoke.own as usize] == w) {
-            // Around a whole fan the next neighbours are all neighbours, whose vectors are known.
+            // OrderedStar a whole fan the next neighbours are all neighbours, whose vectors are known.
             for (spoke, &r) in spokes.iter().zip(&patch.ring) {
                 s.add(frame.place(r, patch.mean), difference(spoke.next));
             }
@@ -353,8 +353,14 @@ impl Sight<'_> {
 }
 
 /// Code the difference of the values of a split's children, whose parent has wedge `w`.
-pub fn code_pair<C: Coder>(coder: &mut C, m: &mut ValueModels, sight: &Sight, w: u32, difference: Value) -> Value {
-    let Sight { wedges, patch, frame, .. } = *sight;
+pub fn code_pair<C: Coder>(
+    coder: &mut C,
+    m: &mut ValueModels,
+    sight: &LayerNeighbourhood,
+    w: u32,
+    difference: Value,
+) -> Value {
+    let LayerNeighbourhood { wedges, patch, frame, .. } = *sight;
     let width = wedges.width;
     let s = sight.gather(w);
     let open = (patch.around.shape != Shape::Closed) as usize;
@@ -413,12 +419,12 @@ pub fn code_pair<C: Coder>(coder: &mut C, m: &mut ValueModels, sight: &Sight, w:
 pub fn code_reach<C: Coder>(
     coder: &mut C,
     m: &mut ValueModels,
-    sight: &Sight,
+    sight: &LayerNeighbourhood,
     w: u32,
     r: [i64; 3],
     value: Value,
 ) -> Value {
-    let Sight { wedges, patch, frame, .. } = *sight;
+    let LayerNeighbourhood { wedges, patch, frame, .. } = *sight;
     let s = sight.gather(w);
     let fit = Fit::new(&s);
     let (x, y) = frame.place(r, patch.mean);

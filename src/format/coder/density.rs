@@ -5,7 +5,7 @@
 //! escapes to an exponential-Golomb code. The density itself, 32 bins between −4 and 4 spreads and two for the escapes, adapts to what was seen:
 //! it stands for the mixture of scaled Gaussians that `DESIGN.md` measured, without exponentials and without logarithms.
 
-use crate::format::coder::range::{Bit, Coder, MAX_TOTAL, golomb};
+use crate::format::coder::range::{Bit, Coder, MAX_TOTAL, exp_golomb};
 
 const BINS: usize = 34;
 /// The mass of all bins.
@@ -133,15 +133,15 @@ impl Density {
         // 0: below, 1: inside, 2: above.
         let out;
         if C::DECODING {
-            let target = coder.target(total as u32) as i64;
+            let target = coder.decode_frequency(total as u32) as i64;
             if target < head {
-                coder.take(0, head as u32);
-                let g = golomb(coder, &mut self.escape, 0) as i64;
+                coder.update_interval(0, head as u32);
+                let g = exp_golomb(coder, &mut self.escape, 0) as i64;
                 self.learn(0);
                 out = first - 1 - g;
             } else if target >= tail {
-                coder.take(tail as u32, (total - tail) as u32);
-                let g = golomb(coder, &mut self.escape, 0) as i64;
+                coder.update_interval(tail as u32, (total - tail) as u32);
+                let g = exp_golomb(coder, &mut self.escape, 0) as i64;
                 self.learn(BINS - 1);
                 out = end + g;
             } else {
@@ -157,30 +157,30 @@ impl Density {
                     k += 1;
                     (below, above) = (above, at(self, k + 1));
                 }
-                coder.take(below as u32, (above - below) as u32);
+                coder.update_interval(below as u32, (above - below) as u32);
                 self.seen_at(k, mu, inverse);
                 out = k;
             }
         } else {
-            coder.target(total as u32);
+            coder.decode_frequency(total as u32);
             if k < first {
-                coder.take(0, head as u32);
-                golomb(coder, &mut self.escape, (first - 1 - k) as u32);
+                coder.update_interval(0, head as u32);
+                exp_golomb(coder, &mut self.escape, (first - 1 - k) as u32);
                 self.learn(0);
             } else if k >= end {
-                coder.take(tail as u32, (total - tail) as u32);
-                golomb(coder, &mut self.escape, (k - end) as u32);
+                coder.update_interval(tail as u32, (total - tail) as u32);
+                exp_golomb(coder, &mut self.escape, (k - end) as u32);
                 self.learn(BINS - 1);
             } else {
                 let (a, b) = (at(self, k), at(self, k + 1));
-                coder.take(a as u32, (b - a) as u32);
+                coder.update_interval(a as u32, (b - a) as u32);
                 self.seen_at(k, mu, inverse);
             }
             out = k;
         }
         let out = out.clamp(-(1 << 30), 1 << 30) as i32;
         if low > 0 {
-            let rest = coder.raw(low, value as u32 & ((1 << low) - 1));
+            let rest = coder.bypass(low, value as u32 & ((1 << low) - 1));
             out.wrapping_shl(low) | rest as i32
         } else {
             out

@@ -79,14 +79,14 @@ pub trait Coder {
     fn bit(&mut self, model: &mut Bit, bit: bool) -> bool;
 
     /// One of `freqs.len()` symbols with the given frequencies (each ≥ 1), which sum to `total` ≤ [`MAX_TOTAL`].
-    fn choose(&mut self, freqs: &[u32], total: u32, index: usize) -> usize;
+    fn symbol(&mut self, freqs: &[u32], total: u32, index: usize) -> usize;
 
     /// A number below `total`, all equally likely; `1 ≤ total ≤ MAX_TOTAL`.
     fn uniform(&mut self, total: u32, value: u32) -> u32;
 
     /// The low `bits` bits of a number, all equally likely; `bits ≤ 32`.
     #[inline]
-    fn raw(&mut self, bits: u32, value: u32) -> u32 {
+    fn bypass(&mut self, bits: u32, value: u32) -> u32 {
         if bits > 16 {
             let high = self.uniform(1 << (bits - 16), value >> 16);
             high << 16 | self.uniform(1 << 16, value & 0xffff)
@@ -96,11 +96,11 @@ pub trait Coder {
     }
 
     /// First half of a symbol of the caller's own making: a number below `total` ≤ [`MAX_TOTAL`] that lies inside the symbol's
-    /// interval. Encoders return 0. [`Coder::take`] has to follow.
-    fn target(&mut self, total: u32) -> u32;
+    /// interval. Encoders return 0. [`Coder::update_interval`] has to follow.
+    fn decode_frequency(&mut self, total: u32) -> u32;
 
     /// Second half: the symbol's interval `from .. from + width`, `width ≥ 1`.
-    fn take(&mut self, from: u32, width: u32);
+    fn update_interval(&mut self, from: u32, width: u32);
 
     /// Bits written or read so far, for accounts of bits by kind; 0 where the direction does not keep account.
     fn bits(&self) -> f64 {
@@ -192,7 +192,7 @@ impl Coder for Encoder {
     }
 
     #[inline]
-    fn choose(&mut self, freqs: &[u32], total: u32, index: usize) -> usize {
+    fn symbol(&mut self, freqs: &[u32], total: u32, index: usize) -> usize {
         let below: u64 = freqs[..index].iter().map(|&f| f as u64).sum();
         let unit = self.range / total as u64;
         self.narrow(unit * below, unit * freqs[index] as u64);
@@ -207,13 +207,13 @@ impl Coder for Encoder {
     }
 
     #[inline]
-    fn target(&mut self, total: u32) -> u32 {
+    fn decode_frequency(&mut self, total: u32) -> u32 {
         self.unit = self.range / total as u64;
         0
     }
 
     #[inline]
-    fn take(&mut self, from: u32, width: u32) {
+    fn update_interval(&mut self, from: u32, width: u32) {
         self.narrow(self.unit * from as u64, self.unit * width as u64);
     }
 
@@ -296,7 +296,7 @@ impl Coder for Decoder<'_> {
     }
 
     #[inline]
-    fn choose(&mut self, freqs: &[u32], total: u32, _: usize) -> usize {
+    fn symbol(&mut self, freqs: &[u32], total: u32, _: usize) -> usize {
         let unit = self.range / total as u64;
         let target = (self.code / unit).min(total as u64 - 1);
         let mut below = 0u64;
@@ -318,20 +318,20 @@ impl Coder for Decoder<'_> {
     }
 
     #[inline]
-    fn target(&mut self, total: u32) -> u32 {
+    fn decode_frequency(&mut self, total: u32) -> u32 {
         self.unit = self.range / total as u64;
         (self.code / self.unit).min(total as u64 - 1) as u32
     }
 
     #[inline]
-    fn take(&mut self, from: u32, width: u32) {
+    fn update_interval(&mut self, from: u32, width: u32) {
         self.narrow(self.unit * from as u64, self.unit * width as u64);
     }
 }
 
 /// A number ≥ 0 as an exponential-Golomb code with modelled prefix: `log2(value + 1)` in unary through `models`, the
 /// rest raw but for its first bit. `models` wants 64 entries.
-pub fn golomb<C: Coder>(coder: &mut C, models: &mut [Bit; 64], value: u32) -> u32 {
+pub fn exp_golomb<C: Coder>(coder: &mut C, models: &mut [Bit; 64], value: u32) -> u32 {
     let v = value as u64 + 1;
     let length = if C::DECODING { 0 } else { 63 - v.leading_zeros() };
     let mut n = 0u32;
@@ -342,7 +342,7 @@ pub fn golomb<C: Coder>(coder: &mut C, models: &mut [Bit; 64], value: u32) -> u3
         return 0;
     }
     let top = coder.bit(&mut models[32 + n.min(31) as usize], v >> (n - 1) & 1 == 1) as u64;
-    let rest = if n > 1 { coder.raw(n - 1, (v & ((1 << (n - 1)) - 1)) as u32) as u64 } else { 0 };
+    let rest = if n > 1 { coder.bypass(n - 1, (v & ((1 << (n - 1)) - 1)) as u32) as u64 } else { 0 };
     ((1u64 << n | top << (n - 1) | rest) - 1).min(u32::MAX as u64) as u32
 }
 
@@ -362,11 +362,11 @@ mod tests {
                     let total = a % MAX_TOTAL + 1;
                     coder.uniform(total, b % total)
                 }
-                2 => coder.raw(a % 33, if a % 33 == 32 { b } else { b & ((1u64 << (a % 33)) - 1) as u32 }),
-                3 => golomb(coder, &mut lengths, b >> (a % 32)),
+                2 => coder.bypass(a % 33, if a % 33 == 32 { b } else { b & ((1u64 << (a % 33)) - 1) as u32 }),
+                3 => exp_golomb(coder, &mut lengths, b >> (a % 32)),
                 _ => {
                     let freqs = [1, a % 1000 + 1, 5, 1 << 20];
-                    coder.choose(&freqs, freqs.iter().sum(), (b % 4) as usize) as u32
+                    coder.symbol(&freqs, freqs.iter().sum(), (b % 4) as usize) as u32
                 }
             })
             .collect()

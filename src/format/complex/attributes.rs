@@ -123,7 +123,7 @@ pub fn refine_attributes(
     batch: &Batch,
     fine: &Refined,
 ) -> Attributes {
-    let coarse_vertices = fine.level.positions.len() - batch.len() - batch.births.len();
+    let coarse_vertices = fine.level.positions.len() - batch.len() - batch.new_vertices.len();
     let mut splits = vec![false; coarse_vertices];
     batch.vertex.iter().for_each(|&v| splits[v as usize] = true);
     let ground = Ground { faces, touched, splits: &splits };

@@ -91,7 +91,7 @@ pub struct Batch {
     /// Dangling edges that appear between the children of each split.
     pub edges: Vec<u32>,
     /// Vertices of the finer level that have no parent, in steps of the coarser level's shift.
-    pub births: Vec<[i32; 3]>,
+    pub new_vertices: Vec<[i32; 3]>,
     /// The shift of the finer level; at most that of the coarser one.
     pub shift: u8,
     /// For each vertex of the finer level and each axis the bits that it gains; empty when the shift stays.
@@ -112,7 +112,7 @@ impl Default for Batch {
             triangle_start: vec![0],
             triangles: Vec::new(),
             edges: Vec::new(),
-            births: Vec::new(),
+            new_vertices: Vec::new(),
             shift: 0,
             low_bits: Vec::new(),
             alpha: 0,
@@ -154,7 +154,7 @@ impl Batch {
         self.triangles.extend_from_slice(&other.triangles);
         self.triangle_start.extend(other.triangle_start[1..].iter().map(|x| x + t));
         self.edges.extend_from_slice(&other.edges);
-        self.births.extend_from_slice(&other.births);
+        self.new_vertices.extend_from_slice(&other.new_vertices);
         self.low_bits.extend_from_slice(&other.low_bits);
     }
 

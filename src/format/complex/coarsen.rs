@@ -42,8 +42,8 @@ pub struct Coarsened {
     pub element: Vec<u32>,
     /// For each element that the batch inserts (in the order of [`super::Refined::element`]) its element in the finer level.
     pub inserted: Vec<u32>,
-    /// The finer vertices that the births stand for.
-    pub births: Vec<u32>,
+    /// The finer vertices that the new_vertices stand for.
+    pub new_vertices: Vec<u32>,
 }
 
 /// How a coarser level is placed.
@@ -232,10 +232,10 @@ pub fn coarsen(level: &Level, star: &Star, edges: &[[u32; 2]], leaving: &[u32], 
         }
     }
 
-    let births: Vec<u32> = leaving.to_vec();
-    batch.births = births.iter().map(|&v| positions[v as usize]).collect();
+    let new_vertices: Vec<u32> = leaving.to_vec();
+    batch.new_vertices = new_vertices.iter().map(|&v| positions[v as usize]).collect();
     if down > 0 {
-        // In the order of the finer level that `refine` makes: children in place of their parent, births last.
+        // In the order of the finer level that `refine` makes: children in place of their parent, new_vertices last.
         let low = |v: u32| level.positions[v as usize].map(|c| (c & ((1 << down) - 1)) as u16);
         let mut pair = pairs.iter().peekable();
         for v in 0..fine as u32 {
@@ -248,7 +248,7 @@ pub fn coarsen(level: &Level, star: &Star, edges: &[[u32; 2]], leaving: &[u32], 
                 pair.next();
             }
         }
-        batch.low_bits.extend(births.iter().map(|&v| low(v)));
+        batch.low_bits.extend(new_vertices.iter().map(|&v| low(v)));
     }
-    Coarsened { level: coarse, star: coarse_star, batch, vertex, pairs, element, inserted, births }
+    Coarsened { level: coarse, star: coarse_star, batch, vertex, pairs, element, inserted, new_vertices }
 }

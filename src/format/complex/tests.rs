@@ -72,10 +72,10 @@ pub(crate) fn back_to_fine(fine: &Level, c: &Coarsened, bias: i32) -> Result<(),
             of_coarse[w as usize] = v as u32;
         }
     }
-    let mut births = c.births.iter();
+    let mut new_vertices = c.new_vertices.iter();
     let names: Vec<u32> = (0..parent.len())
         .map(|v| match parent[v] {
-            NONE => *births.next().unwrap(),
+            NONE => *new_vertices.next().unwrap(),
             p => match c.batch.vertex.binary_search(&p) {
                 Ok(i) => c.pairs[i][(v > 0 && parent[v - 1] == p) as usize],
                 Err(_) => of_coarse[p as usize],

@@ -29,7 +29,7 @@ pub enum Kind {
     /// The elements that repeat a vertex, at the full level (number 3).
     Aside,
     /// Values of elements that travel aside and of isolated vertices, at the full level (number 4).
-    Lone,
+    ExtraAttributes,
     /// Materials, textures, samplers, names of images (number 5).
     Appearance,
     /// A piece of an image; segments count its pieces (number 6).
@@ -51,7 +51,7 @@ impl Kind {
             Kind::Levels => 1,
             Kind::Segment => 2,
             Kind::Aside => 3,
-            Kind::Lone => 4,
+            Kind::ExtraAttributes => 4,
             Kind::Appearance => 5,
             Kind::Image => 6,
             Kind::Recipe => 7,
@@ -67,7 +67,7 @@ impl Kind {
             1 => Kind::Levels,
             2 => Kind::Segment,
             3 => Kind::Aside,
-            4 => Kind::Lone,
+            4 => Kind::ExtraAttributes,
             5 => Kind::Appearance,
             6 => Kind::Image,
             7 => Kind::Recipe,
@@ -84,10 +84,10 @@ impl fmt::Display for Kind {
             Kind::Levels => write!(f, "levels"),
             Kind::Segment => write!(f, "segment"),
             Kind::Aside => write!(f, "aside"),
-            Kind::Lone => write!(f, "lone values"),
+            Kind::ExtraAttributes => write!(f, "lone values"),
             Kind::Appearance => write!(f, "appearance"),
             Kind::Image => write!(f, "image"),
-            Kind::Recipe => write!(f, "recipe"),
+            Kind::Recipe => write!(f, "reconstruction"),
             Kind::Preview => write!(f, "preview"),
             Kind::Other(KIND_SOURCE) => write!(f, "source"),
             Kind::Other(number) => write!(f, "kind {number}"),
@@ -108,7 +108,7 @@ pub struct Chunk<B = Vec<u8>> {
     pub segment: u32,
     /// How many segments these levels have, at least 1.
     pub segments: u32,
-    /// The image that a piece or recipe belongs to; 0 for other kinds (the payload of a preview says it).
+    /// The image that a piece or reconstruction belongs to; 0 for other kinds (the payload of a preview says it).
     pub image: u32,
     /// Bytes of working memory that decoding it takes beyond the levels themselves; rounded up by
     /// at most an eighth (and to at least 64) in the file.
@@ -168,7 +168,7 @@ impl Chunk {
 
     /// Values outside the complex.
     pub fn lone(full_level: u32, payload: Vec<u8>) -> Self {
-        Chunk { kind: Kind::Lone, ..Chunk::aside(full_level, payload) }
+        Chunk { kind: Kind::ExtraAttributes, ..Chunk::aside(full_level, payload) }
     }
 
     /// Materials and what they refer to; `level` is the one that it stands behind.
@@ -191,7 +191,7 @@ impl<B> Chunk<B> {
     }
 
     /// What gives the very bytes of image `image` back; `level` is the one that it stands behind.
-    pub fn recipe(level: u32, image: u32, payload: B) -> Self {
+    pub fn reconstruction(level: u32, image: u32, payload: B) -> Self {
         Chunk { kind: Kind::Recipe, ..Chunk::image(level, image, 0, 1, payload) }
     }
 
@@ -231,7 +231,7 @@ pub struct ChunkInfo {
     pub segment: u32,
     /// How many segments these levels have, at least 1.
     pub segments: u32,
-    /// The image that a piece or recipe belongs to; 0 for other kinds.
+    /// The image that a piece or reconstruction belongs to; 0 for other kinds.
     pub image: u32,
     /// Bytes of working memory that decoding it takes, as the encoder says: for planning, not for allocating.
     pub memory: u64,
@@ -294,7 +294,7 @@ pub(super) fn check_order(header: &Header, chunks: &[ChunkInfo]) -> Result<Vec<u
     // The last level, number of segments and next segment of a run of segments that is not finished.
     let mut open: Option<(u32, u32, u32)> = None;
     let (mut aside, mut lone, mut appearance) = (false, false, false);
-    // For each image that has begun: the next piece, the number of pieces, whether its recipe was there.
+    // For each image that has begun: the next piece, the number of pieces, whether its reconstruction was there.
     let mut images: BTreeMap<u32, (u32, u32, bool)> = BTreeMap::new();
     for (index, c) in chunks.iter().enumerate() {
         let fail = |what| inconsistent(Place::Chunk(index), what);
@@ -328,7 +328,7 @@ pub(super) fn check_order(header: &Header, chunks: &[ChunkInfo]) -> Result<Vec<u
                 }
                 continue;
             }
-            Kind::Lone => {
+            Kind::ExtraAttributes => {
                 if next != levels || c.first_level as u64 + 1 != levels || lone || !header.attributes.lone {
                     return fail(
                         "values outside the complex have to follow the full level, once, where the header has them",
@@ -357,8 +357,8 @@ pub(super) fn check_order(header: &Header, chunks: &[ChunkInfo]) -> Result<Vec<u
             }
             Kind::Recipe => {
                 match images.get_mut(&c.image) {
-                    Some((next, pieces, recipe @ false)) if next == pieces => *recipe = true,
-                    _ => return fail("a recipe told twice, or before its image"),
+                    Some((next, pieces, reconstruction @ false)) if next == pieces => *reconstruction = true,
+                    _ => return fail("a reconstruction told twice, or before its image"),
                 }
                 continue;
             }

@@ -30,7 +30,7 @@ pub struct Header {
     /// Connected components of the full level; an isolated vertex is one.
     pub components: u32,
     /// Elements that repeat a vertex. They travel aside and belong to the mesh at its full level, but not to the level table.
-    pub aside: AsideCounts,
+    pub aside: DegenerateCounts,
     /// One row per level, coarse to fine; at least one. The last is the full level.
     pub levels: Vec<LevelInfo>,
     /// Layers, labels, materials.
@@ -39,7 +39,7 @@ pub struct Header {
 
 /// How many elements travel aside.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct AsideCounts {
+pub struct DegenerateCounts {
     /// Elements that repeat a vertex.
     pub elements: u32,
     /// Their corners.
@@ -163,7 +163,7 @@ impl Header {
             }
             before = row;
         }
-        let AsideCounts { elements, corners } = self.aside;
+        let DegenerateCounts { elements, corners } = self.aside;
         if !degrees_fit(elements, corners) {
             return header("fewer than two corners for each element that travels aside");
         }

@@ -5,17 +5,17 @@
 //! that level. `FORMAT.md`, "Container", is the normative text.
 //!
 //! Invariants: every byte of a file is covered by exactly one CRC-32 (the front's or a chunk's); nothing follows the last
-//! chunk; no allocation goes by what a file claims before [`Front::check_memory`] was asked, beyond the tables, which are
+//! chunk; no allocation goes by what a file claims before [`FileIndex::check_memory`] was asked, beyond the tables, which are
 //! bounded by the bytes at hand and [`MAX_LEVELS`]. A reader never panics, whatever the bytes.
 //!
-//! [`write()`] makes a file. [`Front::parse`] and [`Front::payload`] read one that lies in memory, [`Reader`] one that arrives
+//! [`write()`] makes a file. [`FileIndex::parse`] and [`FileIndex::payload`] read one that lies in memory, [`Reader`] one that arrives
 //! in pieces.
 
 mod attributes;
 mod chunk;
 mod error;
-mod front;
 mod header;
+mod index;
 mod preview;
 mod reader;
 mod table;
@@ -25,10 +25,10 @@ mod tests;
 pub use attributes::{AttributeHeader, Label, LayerHeader, MAX_LABELS, MAX_NAME};
 pub use chunk::{Chunk, ChunkInfo, FIRST_OPTIONAL_KIND, KIND_PREVIEW, KIND_SOURCE, Kind};
 pub use error::{ContainerError, Place};
+pub use header::{DegenerateCounts, ErrorBound, Header, LevelInfo, MAX_COUNT, MAX_LEVELS, MAX_SHIFT};
 #[cfg(feature = "encode")]
-pub(crate) use front::write_borrowed;
-pub use front::{Front, Parsed, with_chunk, write, write_front};
-pub use header::{AsideCounts, ErrorBound, Header, LevelInfo, MAX_COUNT, MAX_LEVELS, MAX_SHIFT};
+pub(crate) use index::write_borrowed;
+pub use index::{FileIndex, Parsed, with_chunk, write, write_front};
 pub use preview::Preview;
 pub use reader::{Event, Reader};
 
@@ -61,7 +61,7 @@ pub const MEMORY_PER_CORNER: u64 = 12;
 pub const MEMORY_PER_LAYER_CORNER: u64 = 14;
 
 /// Bytes of memory that decoding takes for each layer and each corner aside or vertex, where a file has lone values: any vertex may have one.
-pub const MEMORY_PER_LONE_VALUE: u64 = 20;
+pub const MEMORY_PER_EXTRA_VALUE: u64 = 20;
 
 /// Bytes of memory that decoding takes for each component of each wedge.
 pub const MEMORY_PER_WEDGE_COMPONENT: u64 = 8;

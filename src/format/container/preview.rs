@@ -3,7 +3,7 @@
 //! Their kind of chunk may be skipped, so the chunk table knows nothing of them but their length: the payload says which image, and which of
 //! its previews, it is. A payload that makes no sense is passed over, as by a decoder that does not know the kind.
 
-use super::front::{leb128, put_leb128};
+use super::index::{leb128, put_leb128};
 
 /// A preview of an image, as the payload of its chunk tells it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,7 +2,7 @@
 
 use super::chunk::{ChunkInfo, Kind};
 use super::error::ContainerError;
-use super::front::{Front, Parsed, verify};
+use super::index::{FileIndex, Parsed, verify};
 
 /// Takes the bytes of a file in pieces of any size and hands out its chunks in order, each verified.
 ///
@@ -15,7 +15,7 @@ pub struct Reader {
     dropped: u64,
     /// Bytes of the buffer that were handed out and may go.
     used: usize,
-    front: Option<Front>,
+    front: Option<FileIndex>,
     next: usize,
 }
 
@@ -62,8 +62,8 @@ impl Reader {
     /// The front of the file, `None` until its bytes are there.
     ///
     /// # Errors
-    /// As [`Front::parse`].
-    pub fn front(&mut self) -> Result<Option<&Front>, ContainerError> {
+    /// As [`FileIndex::parse`].
+    pub fn front(&mut self) -> Result<Option<&FileIndex>, ContainerError> {
         Ok(match self.front_or_need()? {
             Ok(()) => self.front.as_ref(),
             Err(_) => None,
@@ -73,7 +73,7 @@ impl Reader {
     /// Make the front ready, or say how many bytes that takes.
     fn front_or_need(&mut self) -> Result<Result<(), u64>, ContainerError> {
         if self.front.is_none() {
-            match Front::parse(&self.buffer)? {
+            match FileIndex::parse(&self.buffer)? {
                 Parsed::NeedBytes(n) => return Ok(Err(n)),
                 Parsed::Ready(front) => {
                     self.used = front.length() as usize;
@@ -87,7 +87,7 @@ impl Reader {
     /// The next chunk, if its bytes are there. Chunks of unknown kinds that may be skipped are verified and skipped.
     ///
     /// # Errors
-    /// As [`Front::parse`]; [`ContainerError::ChunkDamaged`]; [`ContainerError::TrailingBytes`] after the last chunk.
+    /// As [`FileIndex::parse`]; [`ContainerError::ChunkDamaged`]; [`ContainerError::TrailingBytes`] after the last chunk.
     pub fn next_chunk(&mut self) -> Result<Event<'_>, ContainerError> {
         if let Err(n) = self.front_or_need()? {
             return Ok(Event::NeedBytes(n));
@@ -129,7 +129,7 @@ impl Reader {
     /// Call when no more bytes will come: whether the file was whole.
     ///
     /// # Errors
-    /// As [`Front::parse`]; [`ContainerError::Truncated`] says how far the file goes, [`ContainerError::TrailingBytes`] that it
+    /// As [`FileIndex::parse`]; [`ContainerError::Truncated`] says how far the file goes, [`ContainerError::TrailingBytes`] that it
     /// goes on after its end.
     pub fn finish(&mut self) -> Result<(), ContainerError> {
         let have = self.bytes();

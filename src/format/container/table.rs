@@ -7,8 +7,8 @@
 use super::attributes;
 use super::chunk::{ChunkInfo, Kind, MAX_MEMORY_CODE, memory_amount, memory_code};
 use super::error::{ContainerError, Place, inconsistent};
-use super::header::{AsideCounts, ErrorBound, Header, LevelInfo, MAX_COUNT, MAX_LEVELS};
-use crate::format::coder::range::{Bit, Coder, Decoder, Encoder, golomb};
+use super::header::{DegenerateCounts, ErrorBound, Header, LevelInfo, MAX_COUNT, MAX_LEVELS};
+use crate::format::coder::range::{Bit, Coder, Decoder, Encoder, exp_golomb};
 use crate::mesh::lattice::Lattice;
 
 /// Models of a number ≥ 0 of any size: a flag for zero, the position of its highest bit as a binary tree, the next bit.
@@ -41,7 +41,7 @@ impl Number {
     }
 }
 
-/// Models for [`golomb`] that start with the probability `p`, of 65536, for a number above 0.
+/// Models for [`exp_golomb`] that start with the probability `p`, of 65536, for a number above 0.
 fn above_zero(p: u16) -> [Bit; 64] {
     let mut models = [Bit::default(); 64];
     models[0] = Bit::with(p);
@@ -56,8 +56,8 @@ const EVEN: u16 = 32_768;
 /// The low `bits` ≤ 64 bits of a value, all equally likely, from high to low in pieces of 32.
 pub(super) fn raw<C: Coder>(c: &mut C, bits: u32, value: u64) -> u64 {
     let value = if bits < 64 { value & ((1 << bits) - 1) } else { value };
-    let high = if bits > 32 { (c.raw(bits - 32, (value >> 32) as u32) as u64) << 32 } else { 0 };
-    high | c.raw(bits.min(32), value as u32) as u64
+    let high = if bits > 32 { (c.bypass(bits - 32, (value >> 32) as u32) as u64) << 32 } else { 0 };
+    high | c.bypass(bits.min(32), value as u32) as u64
 }
 
 /// Models of a difference: a flag for zero, a sign, an exponential-Golomb code of the rest.
@@ -80,8 +80,8 @@ impl Difference {
         }
         let negative = c.bit(&mut self.negative, value < 0);
         let size = value.unsigned_abs().saturating_sub(1);
-        let high = golomb(c, &mut self.size, (size >> scale) as u32) as i64;
-        let size = (high << scale | c.raw(scale, (size & ((1 << scale) - 1)) as u32) as i64) + 1;
+        let high = exp_golomb(c, &mut self.size, (size >> scale) as u32) as i64;
+        let size = (high << scale | c.bypass(scale, (size & ((1 << scale) - 1)) as u32) as i64) + 1;
         if negative { -size } else { size }
     }
 }
@@ -133,8 +133,8 @@ fn tables<C: Coder>(
     let origin = known_lattice.origin.map(|x| float(c, x));
     let bits = c.uniform(22, known.and_then(|h| h.position_bits).unwrap_or(0) as u32) as u8;
     let mut size = Number::new();
-    let known_aside = known.map_or(AsideCounts::default(), |h| h.aside);
-    let aside = AsideCounts {
+    let known_aside = known.map_or(DegenerateCounts::default(), |h| h.aside);
+    let aside = DegenerateCounts {
         elements: count(size.code(c, known_aside.elements as u64))?,
         corners: count(size.code(c, known_aside.corners as u64))?,
     };
@@ -224,8 +224,8 @@ fn levels<C: Coder>(c: &mut C, size: &mut Number, known: Option<&Header>) -> Res
                 vertices: add(0, size.code(c, row.vertices as u64).min(1 << 40) as i64)?,
                 elements: add(0, size.code(c, row.elements as u64).min(1 << 40) as i64)?,
                 corners: add(0, size.code(c, row.corners as u64).min(1 << 40) as i64)?,
-                shift: c.raw(5, row.shift as u32) as u8,
-                error: error_code(c.raw(10, row.error.code() as u32) as i64, place)?,
+                shift: c.bypass(5, row.shift as u32) as u8,
+                error: error_code(c.bypass(10, row.error.code() as u32) as i64, place)?,
             };
             out.push(first);
             continue;
@@ -256,7 +256,7 @@ fn levels<C: Coder>(c: &mut C, size: &mut Number, known: Option<&Header>) -> Res
             Corners::Polygons => n + 2 * delta_v + 2 * delta_e,
         });
         let new_n = add(guess_n, corners.code(c, 0, row.corners as i64 - guess_n))?;
-        let drop = golomb(c, &mut shifts, before.shift.saturating_sub(row.shift) as u32);
+        let drop = exp_golomb(c, &mut shifts, before.shift.saturating_sub(row.shift) as u32);
         let Some(shift) = u8::try_from(drop).ok().and_then(|d| before.shift.checked_sub(d)) else {
             return inconsistent(place, "a shift below 0");
         };
@@ -312,16 +312,16 @@ fn chunks<C: Coder>(
         let mut info = match successor {
             Some(s) if c.bit(&mut follows, same_run(&s)) => s,
             _ => {
-                let number = golomb(c, &mut kinds, row.map_or(0, |r| r.kind.number() as u32));
+                let number = exp_golomb(c, &mut kinds, row.map_or(0, |r| r.kind.number() as u32));
                 let Ok(number) = u8::try_from(number) else {
                     return fail("a kind beyond 255");
                 };
                 let kind = Kind::from_number(number);
                 let skip = skips.code(c, 0, row.map_or(0, |r| r.first_level as i64 - next_level));
                 let first = u32::try_from(next_level.saturating_add(skip));
-                let span = golomb(c, &mut spans, row.map_or(0, |r| r.last_level.saturating_sub(r.first_level)));
-                let segments = golomb(c, &mut segment_numbers, row.map_or(0, |r| r.segments.saturating_sub(1)));
-                let segment = golomb(c, &mut segment_numbers, row.map_or(0, |r| r.segment));
+                let span = exp_golomb(c, &mut spans, row.map_or(0, |r| r.last_level.saturating_sub(r.first_level)));
+                let segments = exp_golomb(c, &mut segment_numbers, row.map_or(0, |r| r.segments.saturating_sub(1)));
+                let segment = exp_golomb(c, &mut segment_numbers, row.map_or(0, |r| r.segment));
                 let image = match kind {
                     Kind::Image | Kind::Recipe => count(images.code(c, row.map_or(0, |r| r.image as u64)))?,
                     _ => 0,

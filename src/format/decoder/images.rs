@@ -1,12 +1,12 @@
 //! Materials and images as they arrive: a preview stands in for an image until its first piece is there, each piece makes it a better one, and
-//! a recipe its very bytes.
+//! a reconstruction its very bytes.
 
 use super::{DecodeError, Decoder, corrupt};
 use crate::format::appearance::{AppearanceError, code_appearance};
 use crate::format::coder::range;
 use crate::format::container::{ChunkInfo, ContainerError, Kind, Preview};
-use crate::format::split::segment::Nonsense;
-use crate::image::jpeg::{END, Odd, restore};
+use crate::format::split::segment::InvalidStream;
+use crate::image::jpeg::{END, Unsupported, restore};
 use crate::mesh::Appearance;
 
 /// A preview that is shown.
@@ -28,7 +28,7 @@ impl Decoder {
                 let room = limit.saturating_sub(used).saturating_add(info.memory);
                 let (appearance, held) =
                     code_appearance(&mut coder, &Appearance::default(), room).map_err(|error| match error {
-                        AppearanceError::Nonsense(Nonsense(what)) => corrupt(level, what),
+                        AppearanceError::InvalidStream(InvalidStream(what)) => corrupt(level, what),
                         AppearanceError::Memory { needed } => ContainerError::MemoryLimit {
                             needed: used.saturating_sub(info.memory).saturating_add(needed),
                             limit,
@@ -52,7 +52,7 @@ impl Decoder {
                 self.held = held.saturating_sub(info.memory);
             }
             (Kind::Image, Some(_)) => self.take_piece(level, info, payload)?,
-            (Kind::Recipe, Some(_)) => self.take_recipe(level, info, &payload)?,
+            (Kind::Recipe, Some(_)) => self.take_reconstruction(level, info, &payload)?,
             (Kind::Preview, Some(_)) => self.take_preview(level, payload)?,
             // Offered before its chunk came.
             (Kind::Appearance, Some(_)) => {}
@@ -128,20 +128,21 @@ impl Decoder {
         self.afford(level)
     }
 
-    /// The recipe of an image that is whole: its very bytes.
-    fn take_recipe(&mut self, level: u32, info: ChunkInfo, recipe: &[u8]) -> Result<(), DecodeError> {
+    /// The reconstruction of an image that is whole: its very bytes.
+    fn take_reconstruction(&mut self, level: u32, info: ChunkInfo, reconstruction: &[u8]) -> Result<(), DecodeError> {
         const DONE: u32 = u32::MAX;
         match self.pieces.get(info.image as usize) {
             Some([DONE, DONE]) => return Ok(()),
             Some([have, all]) if have == all && *all > 0 => {}
-            _ => return Err(corrupt(level, "the recipe of an image before the image")),
+            _ => return Err(corrupt(level, "the reconstruction of an image before the image")),
         }
         let limit = self.options.memory_limit;
         let used = self.reader.front()?.map_or(0, |front| front.memory(level)).saturating_add(self.held);
         let room = limit.saturating_sub(used.saturating_sub(info.memory));
         let image = self.appearance.as_mut().and_then(|a| a.images.get_mut(info.image as usize));
         if let Some(image) = image {
-            image.bytes = restore(&image.bytes, recipe, room).map_err(|Odd(what)| corrupt(level, what))?;
+            image.bytes =
+                restore(&image.bytes, reconstruction, room).map_err(|Unsupported(what)| corrupt(level, what))?;
         }
         if let Some(pieces) = self.pieces.get_mut(info.image as usize) {
             *pieces = [DONE; 2];

@@ -3,15 +3,15 @@
 //! Integer arithmetic alone decides what comes out; only [`Decoder::positions`] turns lattice points into coordinates. Counts are
 //! checked against the memory limit before anything is allocated by them.
 
-use crate::format::attributes::{Lone, Scheme, code_base_layers, code_lone_values};
+use crate::format::attributes::{ExtraAttributes, Scheme, code_base_layers, code_extra_attributes};
 use crate::format::coder::range;
 use crate::format::complex::{Attributes, Batch, Faces, Level, Side, Star, Wanted, refine, refine_attributes, touched};
-use crate::format::container::{ChunkInfo, ContainerError, Event, Front, Kind, LevelInfo, Reader};
-use crate::format::degenerate::code_aside;
+use crate::format::container::{ChunkInfo, ContainerError, Event, FileIndex, Kind, LevelInfo, Reader};
+use crate::format::degenerate::code_degenerate;
 use crate::format::elements::code_elements;
 use crate::format::points::code_points;
-use crate::format::split::neighbourhood::View;
-use crate::format::split::segment::{Nonsense, Scratch, Stream};
+use crate::format::split::neighbourhood::LevelGeometry;
+use crate::format::split::segment::{InvalidStream, Scratch, Stream};
 use crate::format::stream::{Account, State, Task, code_segment, join, segment_range, segments};
 use crate::mesh::{Appearance, Layer, Mesh, NO_VALUE};
 use crate::parallel;
@@ -104,7 +104,7 @@ pub struct Decoder {
     scheme: Scheme,
     attributes: Attributes,
     has_lone: bool,
-    lone: Option<Lone>,
+    lone: Option<ExtraAttributes>,
     /// The payload of the lone values, until the level that they belong to is there.
     late: Option<Vec<u8>>,
     appearance: Option<Appearance>,
@@ -161,7 +161,7 @@ impl Decoder {
     ///
     /// # Errors
     /// What is wrong with them.
-    pub fn front(&mut self) -> Result<Option<&Front>, DecodeError> {
+    pub fn front(&mut self) -> Result<Option<&FileIndex>, DecodeError> {
         Ok(self.reader.front()?)
     }
 
@@ -238,10 +238,10 @@ impl Decoder {
                 }
                 Kind::Aside => {
                     self.afford(full)?;
-                    self.aside = Some(self.decode_aside(payload)?);
+                    self.aside = Some(self.decode_degenerate(payload)?);
                 }
                 // It speaks of vertices of the level: it waits until that is there.
-                Kind::Lone => self.late = Some(payload),
+                Kind::ExtraAttributes => self.late = Some(payload),
                 Kind::Appearance | Kind::Image | Kind::Recipe | Kind::Preview => {
                     self.take_picture(next, info, payload)?;
                 }
@@ -271,7 +271,7 @@ impl Decoder {
         if next == full
             && let Some(payload) = self.late.take()
         {
-            self.lone = Some(self.decode_lone(payload)?);
+            self.lone = Some(self.decode_extra_attributes(payload)?);
         }
         self.at = Some(next);
         Ok(Step::Level(next))
@@ -288,7 +288,7 @@ impl Decoder {
     }
 
     /// The most wedges of each layer.
-    fn most_wedges(&mut self) -> Result<Vec<u32>, DecodeError> {
+    fn max_wedges(&mut self) -> Result<Vec<u32>, DecodeError> {
         let front = self.reader.front()?;
         Ok(front.map_or(Vec::new(), |f| f.header().attributes.layers.iter().map(|l| l.wedges).collect()))
     }
@@ -314,15 +314,15 @@ impl Decoder {
     }
 
     /// Values of elements aside and of isolated vertices.
-    fn decode_lone(&self, payload: Vec<u8>) -> Result<Lone, DecodeError> {
+    fn decode_extra_attributes(&self, payload: Vec<u8>) -> Result<ExtraAttributes, DecodeError> {
         let full = self.rows.len() as u32 - 1;
         let mut coder = range::Decoder::new(payload);
-        let mut lone = Lone::default();
+        let mut lone = ExtraAttributes::default();
         let none = Faces::new();
         let aside = self.aside.as_ref().unwrap_or(&none);
         let isolated = self.isolated().len();
-        code_lone_values(&mut coder, &self.scheme, aside, isolated, &mut lone)
-            .map_err(|Nonsense(what)| corrupt(full, what))?;
+        code_extra_attributes(&mut coder, &self.scheme, aside, isolated, &mut lone)
+            .map_err(|InvalidStream(what)| corrupt(full, what))?;
         if coder.overrun() {
             return Err(corrupt(full, "values that end too early"));
         }
@@ -332,7 +332,7 @@ impl Decoder {
     /// Level 0: points, then the elements on them.
     fn decode_base(&mut self) -> Result<(), DecodeError> {
         let row = self.rows[0];
-        let most = self.most_wedges()?;
+        let most = self.max_wedges()?;
         let run = self.run.as_mut().ok_or(corrupt(0, "a base without a chunk of its own"))?;
         let mut level = Level { positions: Vec::new(), faces: Faces::new(), shift: row.shift };
         code_points(&mut run.coder, &mut level.positions, row.vertices as usize);
@@ -342,7 +342,7 @@ impl Decoder {
         self.star = Star::with_next(level.positions.len(), &level.faces);
         let count = level.positions.len();
         code_base_layers(&mut run.coder, &self.scheme, count, &level.faces, &mut self.attributes, &most)
-            .map_err(|Nonsense(what)| corrupt(0, what))?;
+            .map_err(|InvalidStream(what)| corrupt(0, what))?;
         self.level = level;
         self.end_run(0)
     }
@@ -350,8 +350,8 @@ impl Decoder {
     /// The batch that leads to `next`.
     fn decode_batch(&mut self, next: u32) -> Result<(), DecodeError> {
         let (row, before) = (self.rows[next as usize], self.rows[next as usize - 1]);
-        let most = self.most_wedges()?;
-        let view = View::with(&self.level, &self.star, &self.attributes, &self.scheme);
+        let most = self.max_wedges()?;
+        let view = LevelGeometry::with(&self.level, &self.star, &self.attributes, &self.scheme);
         let bias = ((self.rows.len() as u32 - 1 - next) & 1) as i32;
         let n = self.level.positions.len();
         let more =
@@ -377,7 +377,7 @@ impl Decoder {
                 bias,
             }
         };
-        let nonsense = |Nonsense(what)| corrupt(next, what);
+        let nonsense = |InvalidStream(what)| corrupt(next, what);
         let batch = if let Some(run) = &mut self.run {
             let mut batch = Batch::default();
             let (mut scratch, mut account) = (Scratch::default(), Account::default());
@@ -402,7 +402,7 @@ impl Decoder {
                 let (mut scratch, mut account) = (Scratch::default(), Account::default());
                 code_segment(&mut coder, &mut state, &mut scratch, &task(k), &mut Stream, &mut batch, &mut account)?;
                 if coder.overrun() {
-                    return Err(Nonsense("a segment that ends too early"));
+                    return Err(InvalidStream("a segment that ends too early"));
                 }
                 Ok((batch, (k == 0).then_some(state)))
             });
@@ -419,7 +419,7 @@ impl Decoder {
             join(batches, &self.level, &self.scheme.widths)
         };
         // Segments do not see each other: what the operator asks for is checked on the whole.
-        if batch.len() as u64 + batch.births.len() as u64 != more.0 {
+        if batch.len() as u64 + batch.new_vertices.len() as u64 != more.0 {
             return Err(corrupt(next, "other counts than the header announces"));
         }
         let inserted = batch.triangles.len() as u64 + batch.edges.iter().map(|&e| e as u64).sum::<u64>();
@@ -465,7 +465,7 @@ impl Decoder {
     }
 
     /// Elements that repeat a vertex.
-    fn decode_aside(&mut self, payload: Vec<u8>) -> Result<Faces, DecodeError> {
+    fn decode_degenerate(&mut self, payload: Vec<u8>) -> Result<Faces, DecodeError> {
         let full = self.rows.len() as u32 - 1;
         let (vertices, counts) = match self.reader.front()? {
             Some(front) => (front.header().levels[full as usize].vertices, front.header().aside),
@@ -473,7 +473,7 @@ impl Decoder {
         };
         let mut coder = range::Decoder::new(payload);
         let mut faces = Faces::new();
-        code_aside(&mut coder, vertices as usize, &mut faces, counts.corners as usize)
+        code_degenerate(&mut coder, vertices as usize, &mut faces, counts.corners as usize)
             .map_err(|_| corrupt(full, "elements aside that contradict the header or themselves"))?;
         if coder.overrun() || faces.len() != counts.elements as usize || faces.corners.len() != counts.corners as usize
         {
@@ -516,7 +516,7 @@ impl Decoder {
         self.aside.as_ref()
     }
 
-    /// For each vertex of the level at hand its vertex in the level before ([`crate::format::complex::NONE`] for a birth). The
+    /// For each vertex of the level at hand its vertex in the level before ([`crate::format::complex::NONE`] for a new_vertex). The
     /// children of a split stand side by side.
     pub fn parents(&self) -> &[u32] {
         &self.parents
@@ -600,8 +600,8 @@ impl Decoder {
         mesh
     }
 
-    /// Hand in the payload of a chunk of materials, or of a preview, piece or recipe of an image, that was fetched apart, its checksum verified
-    /// ([`Front::payload`], [`Front::check_chunk`]); other kinds, and what is there already, are passed over. Pieces of an image come in
+    /// Hand in the payload of a chunk of materials, or of a preview, piece or reconstruction of an image, that was fetched apart, its checksum verified
+    /// ([`FileIndex::payload`], [`FileIndex::check_chunk`]); other kinds, and what is there already, are passed over. Pieces of an image come in
     /// their order, those of different images in any.
     ///
     /// # Errors

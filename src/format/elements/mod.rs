@@ -20,7 +20,7 @@ mod source;
 use self::gates::Gates;
 use self::near::Near;
 use self::source::Source;
-use crate::format::coder::range::{Bit, Coder, golomb};
+use crate::format::coder::range::{Bit, Coder, exp_golomb};
 use crate::format::complex::Faces;
 use thiserror::Error;
 
@@ -82,7 +82,7 @@ pub fn code_elements<C: Coder>(
         check(&source, positions.len(), limit)?;
     }
     let mut models = Models::default();
-    let count = golomb(coder, &mut models.count, if C::DECODING { 0 } else { source.len() as u32 }) as usize;
+    let count = exp_golomb(coder, &mut models.count, if C::DECODING { 0 } else { source.len() as u32 }) as usize;
     if count > limit / 2 {
         return Err(ElementsError::TooManyCorners { limit });
     }
@@ -122,7 +122,7 @@ pub fn code_elements<C: Coder>(
                 from = source.next_seed();
             }
             let first = from.map_or(0, |o| source.corner(o, 0));
-            let step = golomb(coder, &mut models.seed, first.wrapping_sub(last_seed));
+            let step = exp_golomb(coder, &mut models.seed, first.wrapping_sub(last_seed));
             last_seed = match last_seed.checked_add(step) {
                 Some(v) if (v as usize) < positions.len() => v,
                 _ => return Err(no_such),
@@ -135,7 +135,7 @@ pub fn code_elements<C: Coder>(
         let degree = if same {
             last_degree.max(least)
         } else {
-            golomb(coder, &mut models.degree, degree - least).saturating_add(least)
+            exp_golomb(coder, &mut models.degree, degree - least).saturating_add(least)
         };
         last_degree = degree;
         if degree as usize > positions.len() {
@@ -283,7 +283,7 @@ impl Models {
         }
         let rank = if C::DECODING { 0 } else { candidates.iter().position(|&v| v == wanted).unwrap_or(usize::MAX) };
         if coder.bit(&mut self.found[gated as usize], rank < candidates.len()) {
-            let rank = golomb(coder, &mut self.rank[gated as usize], rank as u32) as usize;
+            let rank = exp_golomb(coder, &mut self.rank[gated as usize], rank as u32) as usize;
             if let Some(&v) = candidates.get(rank) {
                 return v;
             }

@@ -57,5 +57,5 @@ fn binomial<C: Coder>(coder: &mut C, count: usize, part: u32, whole: u32, value:
         total += *freq;
         p = p * (count - k) as u128 * part as u128 / ((k as u128 + 1) * rest);
     }
-    coder.choose(&freqs[..=count], total, value)
+    coder.symbol(&freqs[..=count], total, value)
 }

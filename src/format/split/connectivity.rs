@@ -6,11 +6,11 @@
 //! descent on the code length after each split, in fixed point). Everything else goes
 //! element by element and neighbour by neighbour.
 
-use crate::format::coder::range::{Bit, Coder, golomb};
+use crate::format::coder::range::{Bit, Coder, exp_golomb};
 use crate::format::complex::placement::root;
 use crate::format::complex::{Inserted, Side, Split};
-use crate::format::split::fan::{Around, Shape};
-use crate::format::split::neighbourhood::{Patch, View};
+use crate::format::split::fan::{OrderedStar, Shape};
+use crate::format::split::neighbourhood::{LevelGeometry, Neighbourhood};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// `2^(−i/64)`, of 32768.
@@ -28,7 +28,7 @@ const SCALARS: usize = 3;
 
 /// Adaptive models of connectivity.
 #[derive(Clone, Debug)]
-pub struct CutModels {
+pub struct ConnectivityModels {
     /// Fast road or general road.
     fast: [Bit; 2],
     /// One locus or two, in an open fan.
@@ -56,9 +56,9 @@ struct GeneralModels {
     more_edges: [Bit; 64],
 }
 
-impl Default for CutModels {
+impl Default for ConnectivityModels {
     fn default() -> Self {
-        CutModels {
+        ConnectivityModels {
             fast: [Bit::with(60000), Bit::with(50000)],
             single: Bit::default(),
             faces: [[Bit::with(6000); 2]; 24],
@@ -90,7 +90,7 @@ const START_SCALAR: [i32; SCALARS] = [-393216, -131072, -170394];
 
 /// Buffers reused from split to split.
 #[derive(Clone, Debug, Default)]
-pub struct CutScratch {
+pub struct ConnectivityScratch {
     loci: Vec<Locus>,
     pairs: Vec<Pair>,
     freqs: Vec<u32>,
@@ -124,7 +124,7 @@ struct Pair {
 }
 
 /// What the fast road says about a split: the places of the loci.
-fn expand(around: &Around, p: u16, q: Option<u16>, split: &mut Split) {
+fn expand(around: &OrderedStar, p: u16, q: Option<u16>, split: &mut Split) {
     split.reset(around.spokes.len());
     let end = q.unwrap_or(u16::MAX);
     for (i, s) in around.spokes.iter().enumerate() {
@@ -151,7 +151,7 @@ fn expand(around: &Around, p: u16, q: Option<u16>, split: &mut Split) {
 
 /// The loci of a split if the fast road can say it; `trial` then holds what it says, and the flag tells whether the
 /// children change places.
-fn fast_form(around: &Around, want: &Split, trial: &mut Split) -> Option<(u16, Option<u16>, bool)> {
+fn fast_form(around: &OrderedStar, want: &Split, trial: &mut Split) -> Option<(u16, Option<u16>, bool)> {
     if around.shape == Shape::General || want.edges != 0 {
         return None;
     }
@@ -197,12 +197,12 @@ fn fast_form(around: &Around, want: &Split, trial: &mut Split) -> Option<(u16, O
 /// Encoding, `split` is what is wanted and becomes the canonical form of it; the result tells whether the children change
 /// places. Decoding, `split` becomes what the stream says; the result is `None` when that makes no sense. `room` is how many
 /// triangles all segments of the batch may still list on the general road, so that no list is longer than the header says.
-pub fn code_cut<C: Coder>(
+pub fn code_connectivity<C: Coder>(
     coder: &mut C,
-    m: &mut CutModels,
-    scratch: &mut CutScratch,
-    view: &View,
-    patch: &Patch,
+    m: &mut ConnectivityModels,
+    scratch: &mut ConnectivityScratch,
+    view: &LevelGeometry,
+    patch: &Neighbourhood,
     split: &mut Split,
     room: &AtomicU64,
 ) -> Option<bool> {
@@ -223,10 +223,10 @@ pub fn code_cut<C: Coder>(
 
 fn code_loci<C: Coder>(
     coder: &mut C,
-    m: &mut CutModels,
-    scratch: &mut CutScratch,
-    view: &View,
-    patch: &Patch,
+    m: &mut ConnectivityModels,
+    scratch: &mut ConnectivityScratch,
+    view: &LevelGeometry,
+    patch: &Neighbourhood,
     p: u16,
     q: Option<u16>,
 ) -> Option<(u16, Option<u16>)> {
@@ -244,7 +244,7 @@ fn code_loci<C: Coder>(
     }
 
     // Score the loci.
-    let CutScratch { loci, pairs, freqs, cosines, .. } = scratch;
+    let ConnectivityScratch { loci, pairs, freqs, cosines, .. } = scratch;
     loci.clear();
     let n = around.ring.len();
     let scale = (1i64 << 32) / patch.mean;
@@ -361,7 +361,7 @@ fn code_loci<C: Coder>(
         *f = (EXP[(below & 63) as usize] >> (below >> 6).min(31)).max(1);
         total += *f;
     }
-    let chosen = coder.choose(freqs, total, want);
+    let chosen = coder.symbol(freqs, total, want);
 
     // Follow what was seen: one step down the gradient of the code length.
     m.seen = m.seen.saturating_add(1);
@@ -454,8 +454,8 @@ const RING: usize = 128;
 fn code_general<C: Coder>(
     coder: &mut C,
     m: &mut GeneralModels,
-    scratch: &mut CutScratch,
-    around: &Around,
+    scratch: &mut ConnectivityScratch,
+    around: &OrderedStar,
     split: &mut Split,
     room: &AtomicU64,
 ) -> Option<bool> {
@@ -529,7 +529,7 @@ fn code_general<C: Coder>(
             n += 1;
         }
         if n == 3 {
-            n = n.saturating_add(golomb(coder, &mut m.many, have.wrapping_sub(3)));
+            n = n.saturating_add(exp_golomb(coder, &mut m.many, have.wrapping_sub(3)));
         }
         if C::DECODING && n > 0 {
             room.fetch_update(Relaxed, Relaxed, |r| r.checked_sub(n as u64)).ok()?;
@@ -545,7 +545,7 @@ fn code_general<C: Coder>(
     let mut edges = 0;
     let context = 2 * around.spokes.is_empty() as usize + any as usize;
     if !any || coder.bit(&mut m.edges[context], split.edges > 0) {
-        edges = golomb(coder, &mut m.more_edges, split.edges.wrapping_sub(1)).saturating_add(1);
+        edges = exp_golomb(coder, &mut m.more_edges, split.edges.wrapping_sub(1)).saturating_add(1);
     }
     trial.edges = edges;
     std::mem::swap(split, trial);

@@ -3,7 +3,7 @@
 //! Core paper section 5.3, and the fans of `DESIGN.md`. A star is a *fan* when its elements have degree ≥ 3, every neighbour lies on at most
 //! two of them, they agree in orientation and form one cycle (closed) or one path (open). Everything else is *general*.
 //!
-//! Around a fan, element `i` runs from edge `i` (its next corner after `v`) to edge `i + 1` (its previous corner).
+//! OrderedStar a fan, element `i` runs from edge `i` (its next corner after `v`) to edge `i + 1` (its previous corner).
 
 use crate::format::complex::{Faces, Star};
 
@@ -24,7 +24,7 @@ pub enum Shape {
 
 /// An element around the vertex.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Spoke {
+pub struct StarElement {
     /// Its place in the star.
     pub place: u32,
     /// Its degree.
@@ -37,16 +37,16 @@ pub struct Spoke {
 
 /// The star of one vertex, ordered. Reused from vertex to vertex.
 #[derive(Clone, Debug, Default)]
-pub struct Around {
+pub struct OrderedStar {
     /// Its shape.
     pub shape: Shape,
     /// Its elements: in fan order, or in the order of the star.
-    pub spokes: Vec<Spoke>,
+    pub spokes: Vec<StarElement>,
     /// The neighbours by edge: in fan order, or in increasing order.
     pub ring: Vec<u32>,
 }
 
-impl Around {
+impl OrderedStar {
     /// Gather the star of `v` without ordering it.
     pub fn gather(&mut self, faces: &Faces, star: &Star, v: u32) {
         self.spokes.clear();
@@ -61,7 +61,7 @@ impl Around {
                 let at = c.iter().position(|&x| x == v).unwrap_or(0);
                 (c[if at + 1 == n { 0 } else { at + 1 }], c[if at == 0 { n - 1 } else { at - 1 }])
             };
-            Spoke { place: place as u32, degree: c.len() as u32, next, prev }
+            StarElement { place: place as u32, degree: c.len() as u32, next, prev }
         }));
     }
 

@@ -6,7 +6,7 @@
 use crate::format::attributes::Scheme;
 use crate::format::complex::placement::{cross, dot, root, sub, unit};
 use crate::format::complex::{Attributes, Faces, Level, Star};
-use crate::format::split::fan::Around;
+use crate::format::split::fan::OrderedStar;
 
 /// Elements looked at for geometry.
 const LOOK: usize = 64;
@@ -18,7 +18,7 @@ const BOUNDS: [u128; 9] = [16, 21, 25, 29, 33, 38, 44, 52, 64];
 
 /// What a segment knows of the coarser level: all of it.
 #[derive(Clone, Copy, Debug)]
-pub struct View<'a> {
+pub struct LevelGeometry<'a> {
     /// The level.
     pub level: &'a Level,
     /// Its stars, with what follows in each element.
@@ -35,10 +35,10 @@ pub struct View<'a> {
 static BARE: Attributes = Attributes { layers: Vec::new(), labels: Vec::new() };
 static NO_LAYERS: Scheme = Scheme { widths: Vec::new(), presence: Vec::new() };
 
-impl<'a> View<'a> {
+impl<'a> LevelGeometry<'a> {
     /// Look at a level without attributes.
     pub fn new(level: &'a Level, star: &'a Star) -> Self {
-        View::with(level, star, &BARE, &NO_LAYERS)
+        LevelGeometry::with(level, star, &BARE, &NO_LAYERS)
     }
 
     /// Look at a level with attributes.
@@ -46,7 +46,7 @@ impl<'a> View<'a> {
         let mean = mean_edge(&level.positions, &level.faces) as u128;
         // Square of the bound, in 1/2^26 square step; 2^63 steps at most.
         let limit = |n: usize, b: u128| (n as u128 * (b * mean) * (b * mean)).div_ceil(1 << 26) as u64;
-        View { level, star, limits: std::array::from_fn(|n| BOUNDS.map(|b| limit(n, b))), attributes, scheme }
+        LevelGeometry { level, star, limits: std::array::from_fn(|n| BOUNDS.map(|b| limit(n, b))), attributes, scheme }
     }
 }
 
@@ -72,9 +72,9 @@ pub fn mean_edge(positions: &[[i32; 3]], faces: &Faces) -> i64 {
 
 /// A vertex and what lies around it. Reused from vertex to vertex.
 #[derive(Clone, Debug, Default)]
-pub struct Patch {
+pub struct Neighbourhood {
     /// Its elements.
-    pub around: Around,
+    pub around: OrderedStar,
     /// The vertex itself.
     pub vertex: u32,
     /// How many elements it has.
@@ -87,21 +87,21 @@ pub struct Patch {
     pub at: [i32; 3],
     /// Unit normal, 0 where there is none.
     pub normal: [i64; 3],
-    /// Root mean square length of its edges, at least 1; filled by [`Patch::order`].
+    /// Root mean square length of its edges, at least 1; filled by [`Neighbourhood::order`].
     pub mean: i64,
     /// Mean distance of its neighbours from its tangent plane.
     pub height: i64,
-    /// Ring vectors in the order of `around.ring`; filled by [`Patch::order`].
+    /// Ring vectors in the order of `around.ring`; filled by [`Neighbourhood::order`].
     pub ring: Vec<[i64; 3]>,
 }
 
-impl Patch {
+impl Neighbourhood {
     /// Look around `v`: how many elements it has, how long its edges are, how many elements its neighbours have.
     ///
     /// Of elements of more than [`BIG`](crate::format::complex::BIG) corners the neighbour counts as `v` itself: finding a corner takes as long as there
     /// are corners, and every vertex is surveyed.
     #[inline]
-    pub fn survey(&mut self, view: &View, v: u32) {
+    pub fn survey(&mut self, view: &LevelGeometry, v: u32) {
         let p = &view.level.positions[..];
         let (at, star) = (p[v as usize], view.star.get(v));
         let (mut square, mut crowd) = (0i64, 0u32);
@@ -123,7 +123,7 @@ impl Patch {
 
     /// How long the edges are over the mean of the level, in ten classes.
     #[inline]
-    pub fn long(&self, view: &View) -> usize {
+    pub fn long(&self, view: &LevelGeometry) -> usize {
         view.limits[self.elements.min(LOOK)].iter().map(|&limit| (self.square >= limit) as usize).sum()
     }
 
@@ -135,7 +135,7 @@ impl Patch {
     }
 
     /// Look closer: order the elements, list the ring, find the normal and the height.
-    pub fn order(&mut self, view: &View) {
+    pub fn order(&mut self, view: &LevelGeometry) {
         let p = &view.level.positions[..];
         self.around.gather(&view.level.faces, view.star, self.vertex);
         let square = self.square / self.elements.clamp(1, LOOK) as u64;

@@ -3,12 +3,12 @@
 //! Core paper section 5.1 and Qin 2002: which vertices split, in the canonical order of the level, skipping those next to one
 //! that already splits. A segment's symbols depend on the coarser level and on the segment's own earlier symbols only.
 
-use crate::format::attributes::{AttributeModels, AttributeScratch, Scheme, Wardrobe, code_attributes};
+use crate::format::attributes::{AttributeModels, AttributeScratch, AttributeSource, Scheme, code_attributes};
 use crate::format::coder::range::{Bit, Coder};
 use crate::format::complex::{Batch, Split};
-use crate::format::split::connectivity::{CutModels, CutScratch, code_cut};
-use crate::format::split::neighbourhood::{Patch, View};
-use crate::format::split::vector::{SpreadModels, code_delta};
+use crate::format::split::connectivity::{ConnectivityModels, ConnectivityScratch, code_connectivity};
+use crate::format::split::neighbourhood::{LevelGeometry, Neighbourhood};
+use crate::format::split::vector::{VectorModels, code_delta};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// All adaptive models of a stream of splits. A level's segments start with the models that the first segment of
@@ -17,8 +17,8 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 pub struct Models {
     flags: Flags,
     /// Connectivity.
-    pub cut: CutModels,
-    spread: SpreadModels,
+    pub cut: ConnectivityModels,
+    spread: VectorModels,
     attributes: AttributeModels,
 }
 
@@ -47,7 +47,7 @@ impl Default for Flags {
 impl Flags {
     /// Elements at the vertex, length of its edges over the mean of the level, and elements at its neighbours.
     #[inline]
-    fn context(view: &View, patch: &Patch) -> usize {
+    fn context(view: &LevelGeometry, patch: &Neighbourhood) -> usize {
         let n = patch.elements;
         if n == 0 {
             return VALENCES * LENGTHS * NEIGHBOURS;
@@ -60,8 +60,8 @@ impl Flags {
 /// Buffers reused from vertex to vertex and from segment to segment.
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
-    patch: Patch,
-    cut: CutScratch,
+    patch: Neighbourhood,
+    cut: ConnectivityScratch,
     split: Split,
     blocked: Vec<bool>,
     attributes: AttributeScratch,
@@ -80,50 +80,50 @@ pub struct SegmentBits {
 
 /// A stream that makes no sense.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Nonsense(pub &'static str);
+pub struct InvalidStream(pub &'static str);
 
 /// Where an encoder's symbols come from. A decoder has none: [`Stream`].
-pub trait Source: Wardrobe {
+pub trait Source: AttributeSource {
     /// Whether `v` splits: fills `split`, with a side for each element of the star, and returns `v1 − v2`.
     fn split(&mut self, v: u32, split: &mut Split) -> Option<[i32; 3]>;
     /// Hears the canonical form of the split that was asked for last, and whether the children changed places.
     fn settled(&mut self, split: &Split, swapped: bool);
-    /// Hears the canonical order of the births.
-    fn births(&mut self, births: &[[i32; 3]]);
+    /// Hears the canonical order of the new_vertices.
+    fn new_vertices(&mut self, new_vertices: &[[i32; 3]]);
     /// Low bits of a child of `v` (0 also for a vertex that does not split).
     fn low_bits(&mut self, v: u32, child: u32) -> [u16; 3];
-    /// Low bits of a birth.
-    fn birth_low_bits(&mut self, birth: u32) -> [u16; 3];
+    /// Low bits of a new_vertex.
+    fn new_vertex_low_bits(&mut self, new_vertex: u32) -> [u16; 3];
 }
 
 /// The source of a decoder: everything is in the stream.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Stream;
 
-impl Wardrobe for Stream {}
+impl AttributeSource for Stream {}
 
 impl Source for Stream {
     fn split(&mut self, _: u32, _: &mut Split) -> Option<[i32; 3]> {
         None
     }
     fn settled(&mut self, _: &Split, _: bool) {}
-    fn births(&mut self, _: &[[i32; 3]]) {}
+    fn new_vertices(&mut self, _: &[[i32; 3]]) {}
     fn low_bits(&mut self, _: u32, _: u32) -> [u16; 3] {
         [0; 3]
     }
-    fn birth_low_bits(&mut self, _: u32) -> [u16; 3] {
+    fn new_vertex_low_bits(&mut self, _: u32) -> [u16; 3] {
         [0; 3]
     }
 }
 
 /// Code the splits of the coarser level's vertices `range`, appending them to `batch`; `budget` is the number of elements that
-/// may still appear, `room` that of [`code_cut`], `wedges` that of [`code_attributes`].
+/// may still appear, `room` that of [`code_connectivity`], `wedges` that of [`code_attributes`].
 #[allow(clippy::too_many_arguments)]
 pub fn code_splits<C: Coder, S: Source>(
     coder: &mut C,
     m: &mut Models,
     scratch: &mut Scratch,
-    view: &View,
+    view: &LevelGeometry,
     range: std::ops::Range<u32>,
     source: &mut S,
     batch: &mut Batch,
@@ -132,7 +132,7 @@ pub fn code_splits<C: Coder, S: Source>(
     budget: &mut u64,
     bias: i32,
     bits: &mut SegmentBits,
-) -> Result<(), Nonsense> {
+) -> Result<(), InvalidStream> {
     let Scratch { patch, cut, split, blocked, attributes } = scratch;
     blocked.clear();
     blocked.resize(range.len(), false);
@@ -143,7 +143,7 @@ pub fn code_splits<C: Coder, S: Source>(
         }
         // Behind its end a stream is all zeros: no reason to go on for as long as the header likes.
         if coder.overrun() {
-            return Err(Nonsense("a segment that ends too early"));
+            return Err(InvalidStream("a segment that ends too early"));
         }
         let start = coder.bits();
         patch.survey(view, v);
@@ -154,18 +154,18 @@ pub fn code_splits<C: Coder, S: Source>(
             continue;
         }
         patch.order(view);
-        let swap = code_cut(coder, &mut m.cut, cut, view, patch, split, room)
-            .ok_or(Nonsense("a split without a form, or more elements than the header announces"))?;
+        let swap = code_connectivity(coder, &mut m.cut, cut, view, patch, split, room)
+            .ok_or(InvalidStream("a split without a form, or more elements than the header announces"))?;
         source.settled(split, swap);
         if swap {
             delta = delta.map(|d| d.map(|c| -c));
         }
         let inserted = split.triangles.len() as u64 + split.edges as u64;
-        *budget = budget.checked_sub(inserted).ok_or(Nonsense("more elements than the header announces"))?;
+        *budget = budget.checked_sub(inserted).ok_or(InvalidStream("more elements than the header announces"))?;
         let mid = coder.bits();
         let delta = code_delta(coder, &mut m.spread, positions, patch, split, delta.unwrap_or_default());
         if delta.iter().any(|c| c.unsigned_abs() > 1 << 27) {
-            return Err(Nonsense("a split of impossible size"));
+            return Err(InvalidStream("a split of impossible size"));
         }
         bits.connectivity += mid - start;
         let end = coder.bits();
@@ -174,7 +174,7 @@ pub fn code_splits<C: Coder, S: Source>(
         if !view.scheme.is_empty() {
             // With attributes an edge that appears is more than a count.
             if C::DECODING && room.fetch_update(Relaxed, Relaxed, |r| r.checked_sub(split.edges as u64)).is_err() {
-                return Err(Nonsense("more elements than the header announces"));
+                return Err(InvalidStream("more elements than the header announces"));
             }
             let (m, out) = (&mut m.attributes, &mut batch.attributes);
             code_attributes(coder, m, attributes, view, patch, split, delta, bias, wedges, source, out)?;

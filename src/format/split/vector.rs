@@ -8,7 +8,7 @@ use crate::format::coder::density::{Density, MIN_SPREAD, Q};
 use crate::format::coder::range::Coder;
 use crate::format::complex::placement::{cross, dot, root, sub, unit};
 use crate::format::complex::{Side, Split};
-use crate::format::split::neighbourhood::{Patch, length};
+use crate::format::split::neighbourhood::{Neighbourhood, length};
 
 const SIZES: usize = 40;
 const SHAPES: usize = 24;
@@ -22,7 +22,7 @@ struct Ratio {
 
 /// Adaptive models of geometry.
 #[derive(Clone, Debug)]
-pub struct SpreadModels {
+pub struct VectorModels {
     ratio: [[[Ratio; SHAPES]; SIZES]; 3],
     overall: [u32; 3],
     /// Sums for the fraction of the centroid difference.
@@ -31,9 +31,9 @@ pub struct SpreadModels {
     density: [[Density; 3]; 3],
 }
 
-impl Default for SpreadModels {
+impl Default for VectorModels {
     fn default() -> Self {
-        SpreadModels {
+        VectorModels {
             ratio: [[[Ratio { mean: 0, seen: 0 }; SHAPES]; SIZES]; 3],
             overall: [12000, 12000, 5000],
             along: 45 << 8,
@@ -44,7 +44,7 @@ impl Default for SpreadModels {
 }
 
 /// The difference of the centroids of the two sides, in 1/256 step.
-fn centroid_gap(view_positions: &[[i32; 3]], patch: &Patch, split: &Split) -> [i64; 3] {
+fn centroid_gap(view_positions: &[[i32; 3]], patch: &Neighbourhood, split: &Split) -> [i64; 3] {
     let mut sum = [[0i64; 3]; 2];
     let mut n = [0i64; 2];
     let mut add = |child: usize, x: u32| {
@@ -93,9 +93,9 @@ pub fn half_octaves(x: i64) -> usize {
 /// Code `v1 − v2` of a split whose connectivity is known.
 pub fn code_delta<C: Coder>(
     coder: &mut C,
-    m: &mut SpreadModels,
+    m: &mut VectorModels,
     positions: &[[i32; 3]],
-    patch: &Patch,
+    patch: &Neighbourhood,
     split: &Split,
     delta: [i32; 3],
 ) -> [i32; 3] {
@@ -144,7 +144,7 @@ pub fn code_delta<C: Coder>(
     let (a, b, c) = (axis(t, spread[0]), axis(l, spread[1]), axis(n, spread[2]));
     let sigma = |i: usize, j: usize| (a[i] * a[j] + b[i] * b[j] + c[i] * c[j]) >> 4;
     let deviation = |v: i64| (root(v.max(0) as u64) as i64) << drop;
-    let out = |coder: &mut C, m: &mut SpreadModels, k: usize, mu: i64, s: i64| {
+    let out = |coder: &mut C, m: &mut VectorModels, k: usize, mu: i64, s: i64| {
         let s = s.max(MIN_SPREAD);
         let class = if s < Q {
             0

@@ -1,7 +1,7 @@
 //! A picture of an eighth of the size: first coefficients are means of blocks, so it takes no transform.
 
 use super::frame::{Frame, Item, Parsed};
-use super::{MAX_COEFFICIENT_BYTES, Odd, progressive, sequential};
+use super::{MAX_COEFFICIENT_BYTES, Unsupported, progressive, sequential};
 
 /// The means of the blocks of a component.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -30,26 +30,26 @@ pub struct Eighth {
 /// Read a JPEG file as far as an eighth of its size.
 ///
 /// # Errors
-/// [`Odd`] for a file that is not read, and for one of other components than grey or colour.
-pub fn eighth(bytes: &[u8]) -> Result<Eighth, Odd> {
+/// [`Unsupported`] for a file that is not read, and for one of other components than grey or colour.
+pub fn eighth(bytes: &[u8]) -> Result<Eighth, Unsupported> {
     let parsed = Parsed::new(bytes)?;
     let frame = Frame::new(&parsed, MAX_COEFFICIENT_BYTES)?;
     if !matches!(frame.components.len(), 1 | 3) {
-        return Err(Odd("it is neither grey nor of three colours"));
+        return Err(Unsupported("it is neither grey nor of three colours"));
     }
     if frame.blocks() as u64 > parsed.coded_bytes() as u64 * 4 {
-        return Err(Odd("it is cut: there are fewer bytes than its blocks need"));
+        return Err(Unsupported("it is cut: there are fewer bytes than its blocks need"));
     }
     let blocks = match parsed.process {
         0xC2 => progressive::decode(&parsed, &frame)?,
         0xC0 | 0xC1 => sequential::decode(&parsed, &frame)?,
-        _ => return Err(Odd("its coefficients are not read")),
+        _ => return Err(Unsupported("its coefficients are not read")),
     };
     let steps = first_steps(&parsed);
     let mut planes = Vec::with_capacity(frame.components.len());
     for c in 0..frame.components.len() {
         let table = parsed.frame.get(8 + 3 * c).and_then(|&t| steps.get(t as usize)).copied().flatten();
-        let step = table.ok_or(Odd("it is damaged: a quantization table that it uses is missing"))?;
+        let step = table.ok_or(Unsupported("it is damaged: a quantization table that it uses is missing"))?;
         let (width, height) = frame.size(c);
         let mut samples = vec![0; width * height];
         frame.each_block(c, |x, y, at| {

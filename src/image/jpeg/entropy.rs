@@ -1,8 +1,8 @@
 //! Bits, and the Huffman codes of JPEG (T.81, annexes B.1.1.5, C, F.2.2.3 and K.2).
 
-use super::Odd;
+use super::Unsupported;
 
-const ENDS: Odd = Odd("it is cut or damaged: its data end too early");
+const ENDS: Unsupported = Unsupported("it is cut or damaged: its data end too early");
 
 /// Bits of one scan.
 pub struct Reader<'a> {
@@ -33,7 +33,7 @@ impl<'a> Reader<'a> {
     }
 
     /// The next `n ≤ 16` bits.
-    pub fn bits(&mut self, n: u32) -> Result<u32, Odd> {
+    pub fn bits(&mut self, n: u32) -> Result<u32, Unsupported> {
         if self.have < n {
             self.fill();
             if self.have < n {
@@ -45,7 +45,7 @@ impl<'a> Reader<'a> {
     }
 
     /// The next symbol.
-    pub fn symbol(&mut self, code: &Code) -> Result<u8, Odd> {
+    pub fn symbol(&mut self, code: &Code) -> Result<u8, Unsupported> {
         if self.have < 16 {
             self.fill();
         }
@@ -56,12 +56,12 @@ impl<'a> Reader<'a> {
                 Ok(symbol)
             }
             _ if self.have < 16 => Err(ENDS),
-            _ => Err(Odd("it is damaged: a code that its tables do not have")),
+            _ => Err(Unsupported("it is damaged: a code that its tables do not have")),
         }
     }
 
     /// A number of `n ≤ 15` bits with its sign (T.81, F.2.2.1).
-    pub fn signed(&mut self, n: u32) -> Result<i32, Odd> {
+    pub fn signed(&mut self, n: u32) -> Result<i32, Unsupported> {
         if n == 0 {
             return Ok(0);
         }
@@ -70,21 +70,21 @@ impl<'a> Reader<'a> {
     }
 
     /// Go on behind restart marker `k`.
-    pub fn restart(&mut self, k: u32) -> Result<(), Odd> {
+    pub fn restart(&mut self, k: u32) -> Result<(), Unsupported> {
         self.fill();
         let marker = [0xFF, 0xD0 | (k & 7) as u8];
         if self.have >= 8 || self.bytes.get(self.at..self.at + 2) != Some(&marker) {
-            return Err(Odd("it is damaged: a restart marker is not where it belongs"));
+            return Err(Unsupported("it is damaged: a restart marker is not where it belongs"));
         }
         (self.at, self.bits, self.have) = (self.at + 2, 0, 0);
         Ok(())
     }
 
     /// Check that all was read.
-    pub fn end(mut self) -> Result<(), Odd> {
+    pub fn end(mut self) -> Result<(), Unsupported> {
         self.fill();
         if self.have >= 8 || self.at != self.bytes.len() {
-            return Err(Odd("it is damaged: data behind the last block of a scan"));
+            return Err(Unsupported("it is damaged: data behind the last block of a scan"));
         }
         Ok(())
     }
@@ -145,8 +145,8 @@ pub struct Code {
 }
 
 impl Code {
-    pub fn new(counts: [u8; 16], symbols: &[u8]) -> Result<Self, Odd> {
-        const WRONG: Odd = Odd("it is damaged: a Huffman table that contradicts itself");
+    pub fn new(counts: [u8; 16], symbols: &[u8]) -> Result<Self, Unsupported> {
+        const WRONG: Unsupported = Unsupported("it is damaged: a Huffman table that contradicts itself");
         if counts.iter().map(|&c| c as usize).sum::<usize>() != symbols.len() {
             return Err(WRONG);
         }

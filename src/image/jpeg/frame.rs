@@ -1,6 +1,6 @@
 //! The segments of a JPEG file, its frame, and the order of blocks in scans (T.81, annexes A.2 and B).
 
-use super::Odd;
+use super::Unsupported;
 use super::entropy::Code;
 
 /// Where coefficients are kept: blocks of 64 in zigzag order, component by component, row by row.
@@ -34,17 +34,17 @@ pub fn stays(marker: u8) -> bool {
 
 impl<'a> Parsed<'a> {
     /// Take a file apart. It has one frame and then scans, and nothing but these and known segments.
-    pub fn new(bytes: &'a [u8]) -> Result<Self, Odd> {
-        const CUT: Odd = Odd("it is cut: its end marker is missing");
+    pub fn new(bytes: &'a [u8]) -> Result<Self, Unsupported> {
+        const CUT: Unsupported = Unsupported("it is cut: its end marker is missing");
         if !bytes.starts_with(&[0xFF, 0xD8, 0xFF]) {
-            return Err(Odd::NO_JPEG);
+            return Err(Unsupported::NO_JPEG);
         }
         let mut items = Vec::new();
         let (mut process, mut frame, mut scans) = (0, &[][..], 0);
         let mut at = 2;
         loop {
             if *bytes.get(at).ok_or(CUT)? != 0xFF {
-                return Err(Odd("it is damaged: bytes between its segments"));
+                return Err(Unsupported("it is damaged: bytes between its segments"));
             }
             let mut from = at;
             while *bytes.get(from + 1).ok_or(CUT)? == 0xFF {
@@ -53,7 +53,7 @@ impl<'a> Parsed<'a> {
             let marker = bytes[from + 1];
             if marker == 0xD9 {
                 if scans == 0 {
-                    return Err(Odd("it has no scans"));
+                    return Err(Unsupported("it has no scans"));
                 }
                 return Ok(Parsed { items, trailer: &bytes[from + 2..], process, frame });
             }
@@ -62,11 +62,11 @@ impl<'a> Parsed<'a> {
                 0xDA if process != 0 => scans += 1,
                 0xC4 | 0xDD | 0xE0..=0xEF | 0xFE => {}
                 0xDB if scans == 0 => {}
-                0xDB => return Err(Odd("its quantization changes between scans")),
-                0xCC => return Err(Odd("it is arithmetic-coded")),
-                0xDC => return Err(Odd("it tells its height behind its first scan")),
-                0xDE | 0xDF => return Err(Odd("it is a hierarchical JPEG")),
-                _ => return Err(Odd("it is damaged: a segment that does not belong where it is")),
+                0xDB => return Err(Unsupported("its quantization changes between scans")),
+                0xCC => return Err(Unsupported("it is arithmetic-coded")),
+                0xDC => return Err(Unsupported("it tells its height behind its first scan")),
+                0xDE | 0xDF => return Err(Unsupported("it is a hierarchical JPEG")),
+                _ => return Err(Unsupported("it is damaged: a segment that does not belong where it is")),
             }
             let [high, low] = [*bytes.get(from + 2).ok_or(CUT)?, *bytes.get(from + 3).ok_or(CUT)?];
             let length = (high as usize) << 8 | low as usize;
@@ -76,7 +76,7 @@ impl<'a> Parsed<'a> {
                 frame = &segment[4..];
             }
             if marker == 0xE2 && segment[4..].starts_with(b"MPF\0") {
-                return Err(Odd("it holds several pictures, which find each other by their place in the file"));
+                return Err(Unsupported("it holds several pictures, which find each other by their place in the file"));
             }
             at = end;
             if marker == 0xDA {
@@ -135,16 +135,16 @@ pub struct Frame {
 
 impl Frame {
     /// The frame of a file, if its coefficients take at most `limit` bytes.
-    pub fn new(parsed: &Parsed<'_>, limit: u64) -> Result<Self, Odd> {
-        const WRONG: Odd = Odd("it is damaged: its frame makes no sense");
+    pub fn new(parsed: &Parsed<'_>, limit: u64) -> Result<Self, Unsupported> {
+        const WRONG: Unsupported = Unsupported("it is damaged: its frame makes no sense");
         let b = parsed.frame;
         let &[precision, y1, y0, x1, x0, count, ref rest @ ..] = b else { return Err(WRONG) };
         if precision != 8 {
-            return Err(Odd("it has more than 8 bits per sample"));
+            return Err(Unsupported("it has more than 8 bits per sample"));
         }
         let [height, width] = [[y1, y0], [x1, x0]].map(|[a, b]| (a as usize) << 8 | b as usize);
         if height == 0 {
-            return Err(Odd("it tells its height behind its first scan"));
+            return Err(Unsupported("it tells its height behind its first scan"));
         }
         if width == 0 || !(1..=4).contains(&count) || rest.len() != 3 * count as usize {
             return Err(WRONG);
@@ -176,7 +176,7 @@ impl Frame {
         }
         let frame = Frame { components, units_across, units_down };
         if frame.bytes() > limit {
-            return Err(Odd("its coefficients take more memory than is allowed"));
+            return Err(Unsupported("its coefficients take more memory than is allowed"));
         }
         Ok(frame)
     }
@@ -210,8 +210,8 @@ impl Frame {
     pub fn visit(
         &self,
         list: &[usize],
-        mut visit: impl FnMut(usize, usize, usize) -> Result<(), Odd>,
-    ) -> Result<(), Odd> {
+        mut visit: impl FnMut(usize, usize, usize) -> Result<(), Unsupported>,
+    ) -> Result<(), Unsupported> {
         if let &[c] = list {
             let c = &self.components[c];
             for y in 0..c.down {
@@ -293,8 +293,8 @@ pub struct ScanHeader {
 }
 
 impl ScanHeader {
-    pub fn new(frame: &Frame, header: &[u8]) -> Result<Self, Odd> {
-        const WRONG: Odd = Odd("it is damaged: the head of a scan makes no sense");
+    pub fn new(frame: &Frame, header: &[u8]) -> Result<Self, Unsupported> {
+        const WRONG: Unsupported = Unsupported("it is damaged: the head of a scan makes no sense");
         let Some((&count, rest)) = header.get(4..).and_then(<[u8]>::split_first) else { return Err(WRONG) };
         let Some((pairs, &[from, to, bits])) = rest.split_at_checked(2 * count as usize) else { return Err(WRONG) };
         let (mut list, mut tables) = (Vec::new(), Vec::new());
@@ -326,8 +326,8 @@ pub struct Tables {
 
 impl Tables {
     /// Take up a segment; those that say nothing of tables are passed over.
-    pub fn take(&mut self, marker: u8, bytes: &[u8]) -> Result<(), Odd> {
-        const WRONG: Odd = Odd("it is damaged: a segment of tables makes no sense");
+    pub fn take(&mut self, marker: u8, bytes: &[u8]) -> Result<(), Unsupported> {
+        const WRONG: Unsupported = Unsupported("it is damaged: a segment of tables makes no sense");
         let mut body = bytes.get(4..).ok_or(WRONG)?;
         match marker {
             0xDD => match *body {
@@ -353,7 +353,7 @@ impl Tables {
     }
 
     /// The table of a class, 0 for first and 1 for other coefficients.
-    pub fn code(&self, class: usize, number: usize) -> Result<&Code, Odd> {
-        self.codes[class][number].as_ref().ok_or(Odd("it is damaged: a Huffman table that it uses is missing"))
+    pub fn code(&self, class: usize, number: usize) -> Result<&Code, Unsupported> {
+        self.codes[class][number].as_ref().ok_or(Unsupported("it is damaged: a Huffman table that it uses is missing"))
     }
 }

@@ -4,7 +4,7 @@
 //! machine. Data of other kinds than colour ([`Sampling::Full`]) take the finer of the two usual tables for all components and no subsampling.
 
 use super::frame::{Frame, Parsed};
-use super::{END, MAX_COEFFICIENT_BYTES, Odd, progressive};
+use super::{END, MAX_COEFFICIENT_BYTES, Unsupported, progressive};
 
 /// How the components of a picture are sampled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,12 +63,12 @@ fn steps(which: usize, quality: u8) -> [u8; 64] {
 /// The progressive file of a picture, of a quality of 1 to 100.
 ///
 /// # Errors
-/// [`Odd`] where the picture has no pixels, not as many as it says, or too many.
-pub fn jpeg(pixels: &Pixels<'_>, quality: u8, sampling: Sampling) -> Result<Vec<u8>, Odd> {
+/// [`Unsupported`] where the picture has no pixels, not as many as it says, or too many.
+pub fn jpeg(pixels: &Pixels<'_>, quality: u8, sampling: Sampling) -> Result<Vec<u8>, Unsupported> {
     let (width, height) = (pixels.width as usize, pixels.height as usize);
     let channels = if sampling == Sampling::Grey { 1 } else { 3 };
     if pixels.samples.len() != width * height * channels || pixels.samples.is_empty() {
-        return Err(Odd("its pixels are not as many as it says"));
+        return Err(Unsupported("its pixels are not as many as it says"));
     }
     // A table for each component; those of colour have the coarser one where they are colour.
     let table = |c: usize| usize::from(c > 0 && matches!(sampling, Sampling::Halved | Sampling::Sharp));

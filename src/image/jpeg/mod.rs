@@ -46,18 +46,18 @@ const LEAST_PIECE: usize = 512;
 /// What makes a file other than those that are understood. The message can be shown to a user.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("{0}")]
-pub struct Odd(pub &'static str);
+pub struct Unsupported(pub &'static str);
 
-impl Odd {
+impl Unsupported {
     /// Another kind of image, or none.
-    pub const NO_JPEG: Odd = Odd("it is no JPEG");
+    pub const NO_JPEG: Unsupported = Unsupported("it is no JPEG");
 }
 
 /// What was done with an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
+pub enum Treatment {
     /// It is one piece, as it was, for this reason.
-    Kept(Odd),
+    Kept(Unsupported),
     /// It was progressive and was cut at its scans, as it was.
     Cut,
     /// It was baseline and became progressive, with the same coefficients.
@@ -70,11 +70,11 @@ pub struct Pieces<'a> {
     /// The pieces; together they are the file. They borrow from an image that stays as it was.
     pub pieces: Vec<Cow<'a, [u8]>>,
     /// With [`Exactness::Bytes`], for a file that was transcoded: what [`restore`] needs to give the very bytes back.
-    pub recipe: Option<Vec<u8>>,
-    /// Bytes of memory that [`restore`] takes, 0 without a recipe.
+    pub reconstruction: Option<Vec<u8>>,
+    /// Bytes of memory that [`restore`] takes, 0 without a reconstruction.
     pub memory: u64,
     /// What was done.
-    pub way: Way,
+    pub way: Treatment,
 }
 
 /// What has to come back of an image.
@@ -91,9 +91,9 @@ pub enum Exactness {
 pub fn cut(bytes: &[u8], exactness: Exactness) -> Pieces<'_> {
     pieces(bytes, exactness).unwrap_or_else(|odd| Pieces {
         pieces: vec![Cow::Borrowed(bytes)],
-        recipe: None,
+        reconstruction: None,
         memory: 0,
-        way: Way::Kept(odd),
+        way: Treatment::Kept(odd),
     })
 }
 
@@ -208,11 +208,11 @@ fn coefficients_and_pixels(input: &mut impl Read) -> Option<[u64; 2]> {
     }
 }
 
-fn pieces(bytes: &[u8], exactness: Exactness) -> Result<Pieces<'_>, Odd> {
+fn pieces(bytes: &[u8], exactness: Exactness) -> Result<Pieces<'_>, Unsupported> {
     let parsed = Parsed::new(bytes)?;
     match parsed.process {
         0xC0..=0xC2 => {
-            let (file, recipe) = match (parsed.process, exactness) {
+            let (file, reconstruction) = match (parsed.process, exactness) {
                 // Progressive already: other scans are worth the trouble where they are smaller.
                 (0xC2, Exactness::Coefficients) => match transcode(bytes, &parsed, exactness) {
                     Ok(other) if other.0.len() < bytes.len() => other,
@@ -222,32 +222,36 @@ fn pieces(bytes: &[u8], exactness: Exactness) -> Result<Pieces<'_>, Odd> {
                 _ => transcode(bytes, &parsed, exactness)?,
             };
             let again = Parsed::new(&file)?;
-            let memory = match recipe {
+            let memory = match reconstruction {
                 Some(_) => {
                     Frame::new(&again, MAX_COEFFICIENT_BYTES)?.bytes() + file.len() as u64 + 2 * bytes.len() as u64
                 }
                 None => 0,
             };
             let pieces = split(&file, &again).map(|piece| Cow::Owned(piece.to_vec())).collect();
-            Ok(Pieces { pieces, recipe, memory, way: Way::Transcoded })
+            Ok(Pieces { pieces, reconstruction, memory, way: Treatment::Transcoded })
         }
-        0xC9..=0xCF => Err(Odd("it is arithmetic-coded")),
-        _ => Err(Odd("it is a lossless or hierarchical JPEG")),
+        0xC9..=0xCF => Err(Unsupported("it is arithmetic-coded")),
+        _ => Err(Unsupported("it is a lossless or hierarchical JPEG")),
     }
 }
 
 /// A progressive file cut at its own scans.
 fn as_it_is<'a>(bytes: &'a [u8], parsed: &Parsed<'_>) -> Pieces<'a> {
     let pieces = split(bytes, parsed).map(Cow::Borrowed).collect();
-    Pieces { pieces, recipe: None, memory: 0, way: Way::Cut }
+    Pieces { pieces, reconstruction: None, memory: 0, way: Treatment::Cut }
 }
 
-/// The progressive file in our scans with the coefficients of another one, and with [`Exactness::Bytes`] the recipe that leads back.
-fn transcode(bytes: &[u8], parsed: &Parsed<'_>, exactness: Exactness) -> Result<(Vec<u8>, Option<Vec<u8>>), Odd> {
+/// The progressive file in our scans with the coefficients of another one, and with [`Exactness::Bytes`] the reconstruction that leads back.
+fn transcode(
+    bytes: &[u8],
+    parsed: &Parsed<'_>,
+    exactness: Exactness,
+) -> Result<(Vec<u8>, Option<Vec<u8>>), Unsupported> {
     let frame = Frame::new(parsed, MAX_COEFFICIENT_BYTES)?;
     // A block takes two bits at least: dimensions prove nothing.
     if frame.blocks() as u64 > parsed.coded_bytes() as u64 * 4 {
-        return Err(Odd("it is cut: there are fewer bytes than its blocks need"));
+        return Err(Unsupported("it is cut: there are fewer bytes than its blocks need"));
     }
     let mut coefficients = match parsed.process {
         0xC2 => progressive::decode(parsed, &frame)?,
@@ -273,24 +277,24 @@ fn transcode(bytes: &[u8], parsed: &Parsed<'_>, exactness: Exactness) -> Result<
     // coefficients, which take many times the memory of their file.
     let before = digest(&coefficients);
     drop(coefficients);
-    let recipe = match exactness {
+    let reconstruction = match exactness {
         Exactness::Coefficients => {
             let again = Parsed::new(&out)?;
             if digest(&progressive::decode(&again, &Frame::new(&again, MAX_COEFFICIENT_BYTES)?)?) != before {
-                return Err(Odd("its coefficients do not come back"));
+                return Err(Unsupported("its coefficients do not come back"));
             }
             None
         }
         // The same bytes prove the same coefficients.
         Exactness::Bytes => {
-            let recipe = restore::recipe(parsed, &filling);
-            if restore(&out, &recipe, MAX_COEFFICIENT_BYTES)? != bytes {
-                return Err(Odd("its very bytes would not come back from a progressive file"));
+            let reconstruction = restore::reconstruction(parsed, &filling);
+            if restore(&out, &reconstruction, MAX_COEFFICIENT_BYTES)? != bytes {
+                return Err(Unsupported("its very bytes would not come back from a progressive file"));
             }
-            Some(recipe)
+            Some(reconstruction)
         }
     };
-    Ok((out, recipe))
+    Ok((out, reconstruction))
 }
 
 /// A number that tells coefficients from others.
@@ -308,13 +312,13 @@ pub fn same_picture(a: &[u8], b: &[u8]) -> bool {
 /// All of a file but the way in which its coefficients are coded: segments that stay, coefficients, what follows the end.
 type Contents = (Vec<Vec<u8>>, frame::Blocks, Vec<u8>);
 
-fn contents(bytes: &[u8]) -> Result<Contents, Odd> {
+fn contents(bytes: &[u8]) -> Result<Contents, Unsupported> {
     let parsed = Parsed::new(bytes)?;
     let frame = Frame::new(&parsed, MAX_COEFFICIENT_BYTES)?;
     let mut blocks = match parsed.process {
         0xC2 => progressive::decode(&parsed, &frame)?,
         0xC0 | 0xC1 if frame.blocks() as u64 <= parsed.coded_bytes() as u64 * 4 => sequential::decode(&parsed, &frame)?,
-        _ => return Err(Odd("its coefficients are not read")),
+        _ => return Err(Unsupported("its coefficients are not read")),
     };
     frame.take_filling(&mut blocks);
     let segments = parsed.items.iter().filter_map(|i| match *i {

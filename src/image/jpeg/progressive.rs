@@ -1,6 +1,6 @@
 //! Scans of progressive files: a band of coefficients, a bit at a time (T.81, annex G).
 
-use super::Odd;
+use super::Unsupported;
 use super::entropy::{Code, Pen, Reader, Sink, Tally, Writer, sized};
 use super::frame::{Blocks, Frame, Item, Parsed, ScanHeader, Tables};
 
@@ -174,9 +174,9 @@ impl Band {
 const MOST_SCANS: usize = 64;
 
 /// The coefficients of a progressive file.
-pub fn decode(parsed: &Parsed<'_>, frame: &Frame) -> Result<Blocks, Odd> {
+pub fn decode(parsed: &Parsed<'_>, frame: &Frame) -> Result<Blocks, Unsupported> {
     if parsed.items.iter().filter(|i| matches!(i, Item::Scan { .. })).count() > MOST_SCANS {
-        return Err(Odd("it has more than 64 scans"));
+        return Err(Unsupported("it has more than 64 scans"));
     }
     let mut blocks = frame.empty();
     let mut tables = Tables::default();
@@ -192,21 +192,27 @@ pub fn decode(parsed: &Parsed<'_>, frame: &Frame) -> Result<Blocks, Odd> {
     Ok(blocks)
 }
 
-const RANGE: Odd = Odd("it is damaged: a coefficient out of range");
+const RANGE: Unsupported = Unsupported("it is damaged: a coefficient out of range");
 
-fn decode_scan(frame: &Frame, head: &ScanHeader, tables: &Tables, data: &[u8], blocks: &mut Blocks) -> Result<(), Odd> {
+fn decode_scan(
+    frame: &Frame,
+    head: &ScanHeader,
+    tables: &Tables,
+    data: &[u8],
+    blocks: &mut Blocks,
+) -> Result<(), Unsupported> {
     let first = head.high == 0;
     if (head.from == 0) != (head.to == 0)
         || (head.from > 0 && head.list.len() > 1)
         || (!first && head.high != head.low + 1)
     {
-        return Err(Odd("it is damaged: the head of a scan makes no sense"));
+        return Err(Unsupported("it is damaged: the head of a scan makes no sense"));
     }
     let class = usize::from(head.from > 0);
     let codes: Vec<Option<&Code>> = if class == 0 && !first {
         vec![None; head.list.len()]
     } else {
-        head.tables.iter().map(|t| Ok(Some(tables.code(class, t[class])?))).collect::<Result<_, Odd>>()?
+        head.tables.iter().map(|t| Ok(Some(tables.code(class, t[class])?))).collect::<Result<_, Unsupported>>()?
     };
     let mut reader = Reader::new(data);
     let mut before = [0i32; 4];
@@ -243,7 +249,13 @@ fn decode_scan(frame: &Frame, head: &ScanHeader, tables: &Tables, data: &[u8], b
     reader.end()
 }
 
-fn first_bits(reader: &mut Reader<'_>, code: &Code, band: &mut [i16], low: u32, skip: &mut u32) -> Result<(), Odd> {
+fn first_bits(
+    reader: &mut Reader<'_>,
+    code: &Code,
+    band: &mut [i16],
+    low: u32,
+    skip: &mut u32,
+) -> Result<(), Unsupported> {
     if *skip > 0 {
         *skip -= 1;
         return Ok(());
@@ -266,13 +278,19 @@ fn first_bits(reader: &mut Reader<'_>, code: &Code, band: &mut [i16], low: u32, 
     if i > band.len() { Err(RANGE) } else { Ok(()) }
 }
 
-fn next_bit(reader: &mut Reader<'_>, code: &Code, band: &mut [i16], low: u32, skip: &mut u32) -> Result<(), Odd> {
+fn next_bit(
+    reader: &mut Reader<'_>,
+    code: &Code,
+    band: &mut [i16],
+    low: u32,
+    skip: &mut u32,
+) -> Result<(), Unsupported> {
     let refine = |reader: &mut Reader<'_>, value: &mut i16| {
         if reader.bits(1)? == 1 {
             let step = if *value < 0 { -1i16 } else { 1 } << low;
             *value = value.checked_add(step).ok_or(RANGE)?;
         }
-        Ok::<(), Odd>(())
+        Ok::<(), Unsupported>(())
     };
     let mut i = 0;
     while *skip == 0 && i < band.len() {

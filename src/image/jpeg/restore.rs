@@ -1,11 +1,11 @@
 //! From a progressive file back to the bytes of the baseline file that it was made of.
 //!
-//! The recipe is what the progressive file does not have: Huffman tables, restart intervals, heads of scans, and the order of all segments.
+//! The reconstruction is what the progressive file does not have: Huffman tables, restart intervals, heads of scans, and the order of all segments.
 //! The data of scans follow from the coefficients. It is a few hundred bytes, and more where an encoder went on with the picture in
 //! blocks that only fill up units: progressive scans leave these out.
 
 use super::frame::{Frame, Item, Parsed, ScanHeader, Tables, stays};
-use super::{END, Odd, progressive, sequential};
+use super::{END, Unsupported, progressive, sequential};
 
 /// The next segment of the progressive file that is no table of a scan.
 const SAME: u8 = 0;
@@ -20,8 +20,8 @@ const SCAN: u8 = 3;
 /// bits, the lowest first, and its value.
 const FILLING: u8 = 4;
 
-/// The recipe of a baseline file.
-pub fn recipe(parsed: &Parsed<'_>, filling: &[(usize, i16)]) -> Vec<u8> {
+/// The reconstruction of a baseline file.
+pub fn reconstruction(parsed: &Parsed<'_>, filling: &[(usize, i16)]) -> Vec<u8> {
     let mut out = Vec::new();
     if !filling.is_empty() {
         out.push(FILLING);
@@ -55,13 +55,13 @@ pub fn recipe(parsed: &Parsed<'_>, filling: &[(usize, i16)]) -> Vec<u8> {
     out
 }
 
-/// The baseline file that `progressive` was made of by [`cut`](super::cut), with the recipe that came with it; takes at most `limit`
+/// The baseline file that `progressive` was made of by [`cut`](super::cut), with the reconstruction that came with it; takes at most `limit`
 /// bytes for coefficients.
 ///
 /// # Errors
-/// [`Odd`] where the two do not belong together, or one is damaged, or the limit is too low.
-pub fn restore(progressive: &[u8], recipe: &[u8], limit: u64) -> Result<Vec<u8>, Odd> {
-    const WRONG: Odd = Odd("the recipe of its bytes does not fit it");
+/// [`Unsupported`] where the two do not belong together, or one is damaged, or the limit is too low.
+pub fn restore(progressive: &[u8], reconstruction: &[u8], limit: u64) -> Result<Vec<u8>, Unsupported> {
+    const WRONG: Unsupported = Unsupported("the reconstruction of its bytes does not fit it");
     let parsed = Parsed::new(progressive)?;
     if parsed.process != 0xC2 {
         return Err(WRONG);
@@ -76,17 +76,17 @@ pub fn restore(progressive: &[u8], recipe: &[u8], limit: u64) -> Result<Vec<u8>,
     let mut tables = Tables::default();
     let mut scanned = vec![false; frame.components.len()];
     let mut at = 0;
-    while let Some(&what) = recipe.get(at) {
+    while let Some(&what) = reconstruction.get(at) {
         at += 1;
-        // A segment that stands in the recipe.
+        // A segment that stands in the reconstruction.
         let told = |at: usize| {
-            let length = recipe.get(at + 2..at + 4).map(|l| (l[0] as usize) << 8 | l[1] as usize)?;
-            recipe.get(at..at + 2 + length).filter(|_| length >= 2)
+            let length = reconstruction.get(at + 2..at + 4).map(|l| (l[0] as usize) << 8 | l[1] as usize)?;
+            reconstruction.get(at..at + 2 + length).filter(|_| length >= 2)
         };
         match what {
             SAME => out.extend_from_slice(kept.next().ok_or(WRONG)?),
             FRAME => {
-                out.extend_from_slice(&[0xFF, *recipe.get(at).ok_or(WRONG)?]);
+                out.extend_from_slice(&[0xFF, *reconstruction.get(at).ok_or(WRONG)?]);
                 out.extend_from_slice(&kept.next().ok_or(WRONG)?[2..]);
                 at += 1;
             }
@@ -98,7 +98,7 @@ pub fn restore(progressive: &[u8], recipe: &[u8], limit: u64) -> Result<Vec<u8>,
             }
             SCAN => {
                 let header = told(at).ok_or(WRONG)?;
-                // Each component once: a recipe must not be short and its file without end.
+                // Each component once: a reconstruction must not be short and its file without end.
                 for &c in &ScanHeader::new(&frame, header)?.list {
                     if std::mem::replace(&mut scanned[c], true) {
                         return Err(WRONG);
@@ -109,20 +109,20 @@ pub fn restore(progressive: &[u8], recipe: &[u8], limit: u64) -> Result<Vec<u8>,
                 at += header.len();
             }
             FILLING => {
-                let count = recipe.get(at..).and_then(<[u8]>::first_chunk).ok_or(WRONG)?;
+                let count = reconstruction.get(at..).and_then(<[u8]>::first_chunk).ok_or(WRONG)?;
                 at += 4;
                 let mut place = 0usize;
                 for _ in 0..u32::from_le_bytes(*count) {
                     let mut shift = 0;
                     loop {
-                        let &byte = recipe.get(at).filter(|_| shift < 35).ok_or(WRONG)?;
+                        let &byte = reconstruction.get(at).filter(|_| shift < 35).ok_or(WRONG)?;
                         place = place.checked_add((byte as usize & 127) << shift).ok_or(WRONG)?;
                         (at, shift) = (at + 1, shift + 7);
                         if byte < 128 {
                             break;
                         }
                     }
-                    let value = recipe.get(at..).and_then(<[u8]>::first_chunk).ok_or(WRONG)?;
+                    let value = reconstruction.get(at..).and_then(<[u8]>::first_chunk).ok_or(WRONG)?;
                     at += 2;
                     blocks.get_mut(place / 64).ok_or(WRONG)?[place % 64] = i16::from_le_bytes(*value);
                 }

@@ -1,6 +1,6 @@
 //! Scans of baseline files: all coefficients of a block at once (T.81, annex F).
 
-use super::Odd;
+use super::Unsupported;
 use super::entropy::{Reader, Writer, sized};
 use super::frame::{Blocks, Frame, Item, Parsed, ScanHeader, Tables};
 
@@ -8,7 +8,7 @@ use super::frame::{Blocks, Frame, Item, Parsed, ScanHeader, Tables};
 const LARGEST: i32 = 2047;
 
 /// The coefficients of a file; every component has to come in one scan.
-pub fn decode(parsed: &Parsed<'_>, frame: &Frame) -> Result<Blocks, Odd> {
+pub fn decode(parsed: &Parsed<'_>, frame: &Frame) -> Result<Blocks, Unsupported> {
     let mut blocks = frame.empty();
     let mut tables = Tables::default();
     let mut seen = vec![false; frame.components.len()];
@@ -19,7 +19,7 @@ pub fn decode(parsed: &Parsed<'_>, frame: &Frame) -> Result<Blocks, Odd> {
                 let head = header_of(frame, header)?;
                 for &c in &head.list {
                     if std::mem::replace(&mut seen[c], true) {
-                        return Err(Odd("it tells a component twice"));
+                        return Err(Unsupported("it tells a component twice"));
                     }
                 }
                 decode_scan(frame, &head, &tables, data, &mut blocks)?;
@@ -27,22 +27,31 @@ pub fn decode(parsed: &Parsed<'_>, frame: &Frame) -> Result<Blocks, Odd> {
         }
     }
     if seen.contains(&false) {
-        return Err(Odd("it is damaged: a component without a scan"));
+        return Err(Unsupported("it is damaged: a component without a scan"));
     }
     Ok(blocks)
 }
 
-fn header_of(frame: &Frame, header: &[u8]) -> Result<ScanHeader, Odd> {
+fn header_of(frame: &Frame, header: &[u8]) -> Result<ScanHeader, Unsupported> {
     let head = ScanHeader::new(frame, header)?;
     if (head.from, head.to, head.high, head.low) != (0, 63, 0, 0) {
-        return Err(Odd("it is damaged: a progressive scan in a baseline file"));
+        return Err(Unsupported("it is damaged: a progressive scan in a baseline file"));
     }
     Ok(head)
 }
 
-fn decode_scan(frame: &Frame, head: &ScanHeader, tables: &Tables, data: &[u8], blocks: &mut Blocks) -> Result<(), Odd> {
-    let codes: Vec<_> =
-        head.tables.iter().map(|&[a, b]| Ok([tables.code(0, a)?, tables.code(1, b)?])).collect::<Result<_, Odd>>()?;
+fn decode_scan(
+    frame: &Frame,
+    head: &ScanHeader,
+    tables: &Tables,
+    data: &[u8],
+    blocks: &mut Blocks,
+) -> Result<(), Unsupported> {
+    let codes: Vec<_> = head
+        .tables
+        .iter()
+        .map(|&[a, b]| Ok([tables.code(0, a)?, tables.code(1, b)?]))
+        .collect::<Result<_, Unsupported>>()?;
     let mut reader = Reader::new(data);
     let mut before = [0i32; 4];
     let mut unit_before = 0;
@@ -58,11 +67,11 @@ fn decode_scan(frame: &Frame, head: &ScanHeader, tables: &Tables, data: &[u8], b
         let block = &mut blocks[at];
         let n = reader.symbol(first)? as u32;
         if n > 11 {
-            return Err(Odd("it is damaged: a coefficient out of range"));
+            return Err(Unsupported("it is damaged: a coefficient out of range"));
         }
         before[k] += reader.signed(n)?;
         if before[k].abs() > LARGEST {
-            return Err(Odd("it is damaged: a coefficient out of range"));
+            return Err(Unsupported("it is damaged: a coefficient out of range"));
         }
         block[0] = before[k] as i16;
         let mut i = 1;
@@ -76,10 +85,10 @@ fn decode_scan(frame: &Frame, head: &ScanHeader, tables: &Tables, data: &[u8], b
                     block[i + zeros] = reader.signed(n)? as i16;
                     i += zeros + 1;
                 }
-                _ => return Err(Odd("it is damaged: a coefficient out of range")),
+                _ => return Err(Unsupported("it is damaged: a coefficient out of range")),
             }
         }
-        if i > 64 { Err(Odd("it is damaged: a block of too many coefficients")) } else { Ok(()) }
+        if i > 64 { Err(Unsupported("it is damaged: a block of too many coefficients")) } else { Ok(()) }
     })?;
     reader.end()
 }
@@ -91,10 +100,13 @@ pub fn encode_scan(
     tables: &Tables,
     blocks: &Blocks,
     out: &mut Vec<u8>,
-) -> Result<(), Odd> {
+) -> Result<(), Unsupported> {
     let head = header_of(frame, header)?;
-    let codes: Vec<_> =
-        head.tables.iter().map(|&[a, b]| Ok([tables.code(0, a)?, tables.code(1, b)?])).collect::<Result<_, Odd>>()?;
+    let codes: Vec<_> = head
+        .tables
+        .iter()
+        .map(|&[a, b]| Ok([tables.code(0, a)?, tables.code(1, b)?]))
+        .collect::<Result<_, Unsupported>>()?;
     let mut writer = Writer::onto(std::mem::take(out));
     let mut before = [0i32; 4];
     let mut unit_before = 0;
@@ -132,7 +144,7 @@ pub fn encode_scan(
         if zeros > 0 {
             known &= others.write(&mut writer, 0);
         }
-        if known { Ok(()) } else { Err(Odd("a coefficient without a code")) }
+        if known { Ok(()) } else { Err(Unsupported("a coefficient without a code")) }
     })?;
     writer.pad();
     *out = writer.out;

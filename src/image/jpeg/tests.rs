@@ -90,8 +90,8 @@ fn kinds() -> Vec<(&'static str, Vec<u8>)> {
 #[test]
 fn baseline_files_become_progressive_with_the_same_coefficients_pixels_and_segments() {
     for (name, file) in kinds() {
-        let Pieces { pieces, recipe, way, .. } = cut(&file, Exactness::Coefficients);
-        assert_eq!((way, recipe), (Way::Transcoded, None), "{name}");
+        let Pieces { pieces, reconstruction, way, .. } = cut(&file, Exactness::Coefficients);
+        assert_eq!((way, reconstruction), (Treatment::Transcoded, None), "{name}");
         let joined = pieces.concat();
         assert_eq!(coefficients(&joined), coefficients(&file), "{name}");
         match (pixels(&joined), pixels(&file)) {
@@ -121,14 +121,14 @@ fn baseline_files_become_progressive_with_the_same_coefficients_pixels_and_segme
 fn a_recipe_gives_the_very_bytes() {
     for (name, mut file) in kinds() {
         file.extend_from_slice(b"bytes behind the end");
-        let Pieces { pieces, recipe, way, .. } = cut(&file, Exactness::Bytes);
-        assert_eq!(way, Way::Transcoded, "{name}");
-        let (joined, recipe) = (pieces.concat(), recipe.unwrap());
+        let Pieces { pieces, reconstruction, way, .. } = cut(&file, Exactness::Bytes);
+        assert_eq!(way, Treatment::Transcoded, "{name}");
+        let (joined, reconstruction) = (pieces.concat(), reconstruction.unwrap());
         assert_eq!(Parsed::new(&joined).unwrap().process, 0xC2, "{name}");
-        assert!(recipe.len() < 3000, "{name}: {}", recipe.len());
-        assert!(restore(&joined, &recipe, MAX_COEFFICIENT_BYTES).unwrap() == file, "{name}");
+        assert!(reconstruction.len() < 3000, "{name}: {}", reconstruction.len());
+        assert!(restore(&joined, &reconstruction, MAX_COEFFICIENT_BYTES).unwrap() == file, "{name}");
         assert_eq!(
-            restore(&joined, &recipe, 100).unwrap_err().to_string(),
+            restore(&joined, &reconstruction, 100).unwrap_err().to_string(),
             "its coefficients take more memory than is allowed"
         );
     }
@@ -161,13 +161,13 @@ fn progressive_files_are_coded_anew_where_that_is_smaller_and_else_cut_as_they_a
         let file = jpeg(400, 300, color, |e| e.set_progressive(true));
         let ours = cut(&file, Exactness::Coefficients);
         let joined = ours.pieces.concat();
-        assert_eq!((ours.way, ours.recipe), (Way::Transcoded, None));
+        assert_eq!((ours.way, ours.reconstruction), (Treatment::Transcoded, None));
         assert!(joined.len() < file.len());
         assert!(same_picture(&joined, &file));
         assert_eq!(pixels(&joined).unwrap(), pixels(&file).unwrap());
         for (file, exactness) in [(&joined, Exactness::Coefficients), (&file, Exactness::Bytes)] {
-            let Pieces { pieces, recipe, way, .. } = cut(file, exactness);
-            assert_eq!((way, recipe), (Way::Cut, None));
+            let Pieces { pieces, reconstruction, way, .. } = cut(file, exactness);
+            assert_eq!((way, reconstruction), (Treatment::Cut, None));
             assert!(pieces.len() > 1);
             assert_eq!(&pieces.concat(), file);
             assert!(pieces.iter().all(|p| matches!(p, Cow::Borrowed(_))));
@@ -182,10 +182,10 @@ fn progressive_files_are_coded_anew_where_that_is_smaller_and_else_cut_as_they_a
 fn what_is_odd_stays_as_it_is_and_the_reason_is_told() {
     let file = jpeg(160, 120, ColorType::Rgb, |_| ());
     let reason = |bytes: &[u8]| {
-        let Pieces { pieces, recipe, way, .. } = cut(bytes, Exactness::Coefficients);
-        assert_eq!((pieces, recipe), (vec![Cow::Borrowed(bytes)], None));
+        let Pieces { pieces, reconstruction, way, .. } = cut(bytes, Exactness::Coefficients);
+        assert_eq!((pieces, reconstruction), (vec![Cow::Borrowed(bytes)], None));
         match way {
-            Way::Kept(odd) => odd.to_string(),
+            Treatment::Kept(odd) => odd.to_string(),
             other => panic!("{other:?}"),
         }
     };
@@ -285,11 +285,11 @@ proptest! {
             if sparse { 0 } else { ((state >> 50) as i16 & 2047) - 1023 >> (state >> 40 & 15).min(10) }
         };
         let file = build(size, &sampling, restart, fill);
-        let Pieces { pieces, recipe, way, .. } = cut(&file, Exactness::Bytes);
-        prop_assert_eq!(way, Way::Transcoded);
+        let Pieces { pieces, reconstruction, way, .. } = cut(&file, Exactness::Bytes);
+        prop_assert_eq!(way, Treatment::Transcoded);
         let joined = pieces.concat();
         prop_assert!(coefficients(&joined) == coefficients(&file));
-        prop_assert!(restore(&joined, &recipe.unwrap(), MAX_COEFFICIENT_BYTES).unwrap() == file);
+        prop_assert!(restore(&joined, &reconstruction.unwrap(), MAX_COEFFICIENT_BYTES).unwrap() == file);
     }
 
     #[test]
@@ -300,16 +300,16 @@ proptest! {
         bytes[at % n] = byte;
         bytes.truncate(n - cut_at.min(n) / 40);
         let answer = cut(&bytes, Exactness::Coefficients);
-        if let Way::Kept(_) | Way::Cut = answer.way {
+        if let Treatment::Kept(_) | Treatment::Cut = answer.way {
             prop_assert_eq!(answer.pieces.concat(), bytes);
         }
         let answer = cut(&file, Exactness::Bytes);
-        let (mut joined, mut recipe) = (answer.pieces.concat(), answer.recipe.unwrap());
-        let (n, m) = (joined.len(), recipe.len());
+        let (mut joined, mut reconstruction) = (answer.pieces.concat(), answer.reconstruction.unwrap());
+        let (n, m) = (joined.len(), reconstruction.len());
         joined[at % n] = byte;
-        let _ = restore(&joined, &recipe, 1 << 26);
-        recipe[at % m] = byte;
-        let _ = restore(&answer.pieces.concat(), &recipe, 1 << 26);
+        let _ = restore(&joined, &reconstruction, 1 << 26);
+        reconstruction[at % m] = byte;
+        let _ = restore(&answer.pieces.concat(), &reconstruction, 1 << 26);
     }
 }
 
@@ -363,8 +363,10 @@ fn real_textures_come_back() {
             })
             .collect();
         eprintln!("{name}: {} -> {} bytes, {:?}, {stops:?} %, {seconds:.2} s", file.len(), joined.len(), answer.way);
-        match answer.recipe {
-            Some(recipe) => assert!(restore(&joined, &recipe, MAX_COEFFICIENT_BYTES).unwrap() == file, "{name}"),
+        match answer.reconstruction {
+            Some(reconstruction) => {
+                assert!(restore(&joined, &reconstruction, MAX_COEFFICIENT_BYTES).unwrap() == file, "{name}")
+            }
             None => assert!(joined == file, "{name}"),
         }
     }

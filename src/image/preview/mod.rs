@@ -8,7 +8,7 @@
 //! Invariants: the image itself is not touched; an image that is small, damaged, interlaced or of another format gets none, which is no error.
 
 use super::recompress::colours;
-use crate::image::jpeg::{Eighth, Means, Odd, Pixels, Sampling, eighth, jpeg};
+use crate::image::jpeg::{Eighth, Means, Pixels, Sampling, Unsupported, eighth, jpeg};
 use crate::mesh::Appearance;
 use std::fmt;
 use std::io::Cursor;
@@ -49,7 +49,7 @@ impl FromStr for Previews {
 const LEAST_BYTES: usize = 16 << 10;
 
 /// A preview has so many pixels on its longer side at least, or as many as the image.
-const LEAST_SIDE: usize = 32;
+const MIN_SIDE: usize = 32;
 
 /// Each preview has so many times the bytes of the one before, at least: anything less can hardly be seen on the way.
 const GROWTH: usize = 4;
@@ -88,7 +88,7 @@ pub fn add_previews(appearance: &mut Appearance, previews: Previews) {
 }
 
 /// The previews of one image, coarse before fine.
-fn of(file: &[u8], colour: bool) -> Result<Vec<Vec<u8>>, Odd> {
+fn of(file: &[u8], colour: bool) -> Result<Vec<Vec<u8>>, Unsupported> {
     if file.starts_with(&[0xFF, 0xD8, 0xFF]) {
         let eighth = eighth(file)?;
         return pyramid(&IN_PIECES, file.len(), [eighth.width, eighth.height], |size| {
@@ -114,14 +114,14 @@ fn pyramid(
     shape: &Shape,
     bytes: usize,
     [width, height]: [usize; 2],
-    mut make: impl FnMut([usize; 2]) -> Result<Vec<u8>, Odd>,
-) -> Result<Vec<Vec<u8>>, Odd> {
+    mut make: impl FnMut([usize; 2]) -> Result<Vec<u8>, Unsupported>,
+) -> Result<Vec<Vec<u8>>, Unsupported> {
     let long = width.max(height).max(1);
     let mut room = bytes / shape.part;
     let mut out = Vec::new();
     for divisor in shape.divisors {
         let side = long / divisor;
-        if side > shape.most || side < LEAST_SIDE {
+        if side > shape.most || side < MIN_SIDE {
             continue;
         }
         let part = |n: usize| ((n * side + long / 2) / long).max(1);
@@ -155,8 +155,8 @@ impl Small {
     }
 
     /// As a file.
-    fn file(&self, colour: bool) -> Result<Vec<u8>, Odd> {
-        const WRONG: Odd = Odd("its preview cannot be written");
+    fn file(&self, colour: bool) -> Result<Vec<u8>, Unsupported> {
+        const WRONG: Unsupported = Unsupported("its preview cannot be written");
         let [width, height] = self.size;
         let [Ok(width), Ok(height)] = [u16::try_from(width), u16::try_from(height)] else { return Err(WRONG) };
         if self.has_alpha() {
@@ -281,10 +281,10 @@ fn to_rgb([y, b, r]: [u8; 3]) -> [u8; 3] {
     [y + 91_881 * r, y - 22_554 * b - 46_802 * r, y + 116_130 * b].map(|c| (c >> 16).clamp(0, 255) as u8)
 }
 
-const NO_PNG: Odd = Odd("it is neither a PNG nor a JPEG that is read");
+const NO_PNG: Unsupported = Unsupported("it is neither a PNG nor a JPEG that is read");
 
 /// A PNG file about to be read in rows of eight bits a sample, if it is not interlaced and no larger than its bytes allow.
-fn open(file: &[u8]) -> Result<png::Reader<Cursor<&[u8]>>, Odd> {
+fn open(file: &[u8]) -> Result<png::Reader<Cursor<&[u8]>>, Unsupported> {
     if !file.starts_with(b"\x89PNG\r\n\x1a\n") {
         return Err(NO_PNG);
     }
@@ -300,14 +300,14 @@ fn open(file: &[u8]) -> Result<png::Reader<Cursor<&[u8]>>, Odd> {
     Ok(reader)
 }
 
-fn png_size(file: &[u8]) -> Result<[usize; 2], Odd> {
+fn png_size(file: &[u8]) -> Result<[usize; 2], Unsupported> {
     let reader = open(file)?;
     let (width, height) = reader.info().size();
     Ok([width as usize, height as usize])
 }
 
 /// A picture of the given size from the pixels of a PNG; without its alpha where nothing is transparent.
-fn from_png(file: &[u8], size: [usize; 2]) -> Result<Small, Odd> {
+fn from_png(file: &[u8], size: [usize; 2]) -> Result<Small, Unsupported> {
     let mut reader = open(file)?;
     let (width, height) = reader.info().size();
     let channels = match reader.output_color_type().0 {

@@ -12,7 +12,7 @@ use std::str::FromStr;
 use serde_json::Value;
 
 pub use crate::image::jpeg::Sampling;
-use crate::image::jpeg::{Exactness, MOST_PIXELS, Odd, Pixels, jpeg, loss_by_halving};
+use crate::image::jpeg::{Exactness, MOST_PIXELS, Pixels, Unsupported, jpeg, loss_by_halving};
 use crate::mesh::{Appearance, Image};
 
 /// What becomes of images that are no JPEG.
@@ -95,7 +95,7 @@ pub struct Recompressed {
     /// Bytes of its file now.
     pub to: u64,
     /// How it is sampled as a JPEG, or why it stayed as it is.
-    pub outcome: Result<Sampling, Odd>,
+    pub outcome: Result<Sampling, Unsupported>,
 }
 
 impl fmt::Display for Recompressed {
@@ -134,7 +134,7 @@ pub fn recompress(appearance: &mut Appearance, textures: Textures) -> Vec<Recomp
     out
 }
 
-fn recompress_one(image: &mut Image, quality: u8, colour: bool) -> Result<Sampling, Odd> {
+fn recompress_one(image: &mut Image, quality: u8, colour: bool) -> Result<Sampling, Unsupported> {
     let picture = read(&image.bytes)?;
     let Picture { width, height, channels, ref samples, ref profile } = picture;
     let sampling = match (channels, colour) {
@@ -145,7 +145,7 @@ fn recompress_one(image: &mut Image, quality: u8, colour: bool) -> Result<Sampli
     };
     let file = jpeg(&Pixels { width, height, samples, profile: profile.as_deref() }, quality, sampling)?;
     if file.len() >= image.bytes.len() {
-        return Err(Odd("it would not become smaller"));
+        return Err(Unsupported("it would not become smaller"));
     }
     (image.bytes, image.mime) = (file, "image/jpeg".to_string());
     Ok(sampling)
@@ -193,10 +193,10 @@ struct Picture {
     profile: Option<Vec<u8>>,
 }
 
-fn read(bytes: &[u8]) -> Result<Picture, Odd> {
-    const DAMAGED: Odd = Odd("it is damaged");
+fn read(bytes: &[u8]) -> Result<Picture, Unsupported> {
+    const DAMAGED: Unsupported = Unsupported("it is damaged");
     if !bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
-        return Err(Odd("it is neither PNG nor JPEG"));
+        return Err(Unsupported("it is neither PNG nor JPEG"));
     }
     let limits = png::Limits { bytes: 4 * MOST_PIXELS as usize };
     let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), limits);
@@ -204,18 +204,18 @@ fn read(bytes: &[u8]) -> Result<Picture, Odd> {
     let mut reader = decoder.read_info().map_err(|_| DAMAGED)?;
     let info = reader.info();
     if info.bit_depth == png::BitDepth::Sixteen {
-        return Err(Odd("it has 16 bits per sample"));
+        return Err(Unsupported("it has 16 bits per sample"));
     }
     if info.animation_control.is_some() {
-        return Err(Odd("it is animated"));
+        return Err(Unsupported("it is animated"));
     }
     let profile = info.icc_profile.as_ref().map(|p| p.to_vec());
     let (width, height) = info.size();
     let (Ok(width), Ok(height)) = (u16::try_from(width), u16::try_from(height)) else {
-        return Err(Odd("it has more than 65,535 pixels across or down"));
+        return Err(Unsupported("it has more than 65,535 pixels across or down"));
     };
     if width as u64 * height as u64 > MOST_PIXELS {
-        return Err(Odd("it has more than 268,435,456 pixels"));
+        return Err(Unsupported("it has more than 268,435,456 pixels"));
     }
     // Deflate makes a thousand bytes of one at most: what a head promises beyond that is not there.
     if info.raw_row_length() as u64 * info.height as u64 > bytes.len() as u64 * 1100 {
@@ -235,7 +235,7 @@ fn read(bytes: &[u8]) -> Result<Picture, Odd> {
         return Err(DAMAGED);
     }
     if alpha && samples.chunks_exact(channels).any(|p| p[channels - 1] != 255) {
-        return Err(Odd("it has alpha"));
+        return Err(Unsupported("it has alpha"));
     }
     // In place: only what differs in all pixels stays.
     let plain = channels - usize::from(alpha);

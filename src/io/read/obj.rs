@@ -86,7 +86,7 @@ impl Side {
 }
 
 /// All that a file says beside positions and corners.
-struct Beside {
+struct Extras {
     layers: Layers,
     uvs: Side,
     normals: Side,
@@ -103,7 +103,7 @@ pub(super) fn read(bytes: &[u8], base: Option<&Path>, options: &ReadOptions) -> 
     let mut c = Cursor::new(bytes);
     let mut farthest = Farthest::default();
     let mut unknown = Unknown::default();
-    let mut x = Beside {
+    let mut x = Extras {
         layers: Layers::default(),
         uvs: Side::new(!options.drop.uvs, 2),
         normals: Side::new(!options.drop.normals, 3),
@@ -165,7 +165,7 @@ pub(super) fn read(bytes: &[u8], base: Option<&Path>, options: &ReadOptions) -> 
         let kind = ReadErrorKind::IndexOutOfRange { what, index, vertices: vertices as u64, first: 1 };
         return Err(Fail { place: Some(Place::Line(line)), kind });
     }
-    let Beside { layers, uvs, normals, mut colours, libraries, materials, .. } = x;
+    let Extras { layers, uvs, normals, mut colours, libraries, materials, .. } = x;
     layers.report(&mut b);
     uvs.finish(&mut b, "uv", LayerKind::Uv);
     normals.finish(&mut b, "normal", LayerKind::Normal);
@@ -195,7 +195,7 @@ fn name(c: &mut Cursor<'_>) -> String {
 }
 
 /// `usemtl NAME`
-fn use_material(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Beside) -> Result<(), Fail> {
+fn use_material(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Extras) -> Result<(), Fail> {
     let at = c.place();
     if b.drop.materials {
         c.skip_line();
@@ -217,7 +217,7 @@ fn use_material(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Beside) -> Result<(
 }
 
 /// `mtllib FILE…`
-fn library(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Beside) -> Result<(), Fail> {
+fn library(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Extras) -> Result<(), Fail> {
     let at = c.place();
     let name = name(c);
     if !b.drop.materials && !name.is_empty() && !x.libraries.contains(&name) && x.libraries.len() < MAX_LIBRARIES {
@@ -342,7 +342,7 @@ impl Layers {
 
 /// `v x y z [w] [r g b]`
 #[inline]
-fn vertex(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Beside) -> Result<(), Fail> {
+fn vertex(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Extras) -> Result<(), Fail> {
     let mut p = [0.0; 3];
     for x in &mut p {
         c.skip_blanks_continued();
@@ -358,7 +358,7 @@ fn vertex(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Beside) -> Result<(), Fai
 }
 
 /// What follows the three coordinates: one number is a weight, three and more hold a colour.
-fn extra(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Beside) -> Result<(), Fail> {
+fn extra(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Extras) -> Result<(), Fail> {
     let (mut count, mut first, mut last) = (0, 1.0, [0.0; 3]);
     while !c.at_line_end() && c.peek() != Some(b'#') {
         let value = c.float("a number or the end of the line").at(|| c.place())?;
@@ -386,7 +386,7 @@ fn extra(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Beside) -> Result<(), Fail
 
 /// `vt u [v [w]]`
 #[inline]
-fn texture(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Beside) -> Result<(), Fail> {
+fn texture(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Extras) -> Result<(), Fail> {
     if !x.uvs.wanted {
         c.skip_line_continued();
         return Ok(());
@@ -411,7 +411,7 @@ fn texture(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Beside) -> Result<(), Fa
 
 /// `vn x y z`
 #[inline]
-fn normal(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Beside) -> Result<(), Fail> {
+fn normal(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Extras) -> Result<(), Fail> {
     if x.normals.wanted {
         for _ in 0..3 {
             c.skip_blanks_continued();
@@ -470,7 +470,7 @@ fn corners(
 
 /// `f v v v …`
 #[inline]
-fn face(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Beside, farthest: &mut Farthest) -> Result<(), Fail> {
+fn face(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Extras, farthest: &mut Farthest) -> Result<(), Fail> {
     corners(c, b.records(), "a face", farthest, |v, [vt, vn]| {
         let corner = b.corner_count();
         x.uvs.put(b, corner, vt)?;
@@ -486,7 +486,7 @@ fn face(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Beside, farthest: &mut Fart
 }
 
 /// `l v v v …`: an edge between each two neighbours.
-fn line(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Beside, farthest: &mut Farthest) -> Result<(), Fail> {
+fn line(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Extras, farthest: &mut Farthest) -> Result<(), Fail> {
     let (records, mut last) = (b.records(), None);
     let mut single = true;
     corners(c, records, "a line", farthest, |v, beside| {

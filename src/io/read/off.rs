@@ -32,7 +32,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<ReadMesh, Fail
     let mut b = Builder::new(options, false, bytes.len());
     b.expect_records(vertices as usize).at(|| c.place())?;
     b.expect_faces(faces as usize, 0).at(|| c.place())?;
-    let mut beside = Beside::new(&layers);
+    let mut beside = Extras::new(&layers);
     for _ in 0..vertices {
         let mut p = [0.0; 3];
         for x in &mut p {
@@ -76,7 +76,7 @@ pub(super) fn read(bytes: &[u8], options: &ReadOptions) -> Result<ReadMesh, Fail
 }
 
 /// What follows the coordinates of vertices.
-struct Beside {
+struct Extras {
     announced: usize,
     /// Normals, colours, texture coordinates; NaN where a line has none.
     values: [Vec<f64>; 3],
@@ -86,10 +86,10 @@ struct Beside {
     alpha: bool,
 }
 
-impl Beside {
+impl Extras {
     fn new(layers: &[Layer]) -> Self {
         let there = [Layer::Normals, Layer::Colours, Layer::TextureCoordinates].map(|l| layers.contains(&l));
-        Beside { announced: layers.len(), values: Default::default(), there, alpha: false }
+        Extras { announced: layers.len(), values: Default::default(), there, alpha: false }
     }
 
     /// The rest of a vertex line.

@@ -14,7 +14,7 @@ use std::io::Write;
 
 use serde_json::{Value, json};
 
-use super::beside::Beside;
+use super::sidecars::Sidecars;
 use super::split::Split;
 use super::stl::tolerance;
 use super::{Census, WriteErrorKind, WriteWarning, moved, single};
@@ -27,7 +27,7 @@ pub(super) fn write<'m>(
     out: &mut impl Write,
     mesh: &'m Mesh,
     lattice: Option<&Lattice>,
-    beside: &mut Beside<'m>,
+    beside: &mut Sidecars<'m>,
 ) -> Result<Vec<WriteWarning>, WriteErrorKind> {
     let census = Census::of(mesh);
     let mut warnings: Vec<WriteWarning> = census.fanned().into_iter().collect();
@@ -121,7 +121,7 @@ struct Scene<'m> {
 }
 
 impl<'m> Scene<'m> {
-    fn new(mesh: &'m Mesh, census: &Census, beside: &mut Beside<'m>, warnings: &mut Vec<WriteWarning>) -> Self {
+    fn new(mesh: &'m Mesh, census: &Census, beside: &mut Sidecars<'m>, warnings: &mut Vec<WriteWarning>) -> Self {
         let layers: Vec<_> = mesh.layers.iter().collect();
         let split = Split::new(mesh, &layers);
         let attributes = parts::attributes(mesh, warnings);

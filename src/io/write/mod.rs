@@ -7,12 +7,12 @@
 //! [`write_path`] writes to temporary files beside the target, syncs them and renames them, the mesh last: each file is
 //! whole or untouched, and nothing is left behind on failure.
 
-mod beside;
 mod error;
 mod glb;
 mod mtl;
 mod obj;
 mod ply;
+mod sidecars;
 mod split;
 mod stl;
 #[cfg(test)]
@@ -26,7 +26,7 @@ use std::path::{Path, PathBuf};
 use crate::io::read::Format;
 use crate::mesh::Mesh;
 use crate::mesh::lattice::Lattice;
-use beside::Beside;
+use sidecars::Sidecars;
 
 pub use error::{WriteError, WriteErrorKind, WriteWarning};
 
@@ -69,7 +69,7 @@ pub fn write_to(
 ) -> Result<Vec<WriteWarning>, WriteError> {
     let fail = |kind| WriteError { name: "output".to_string(), kind };
     mesh.validate().map_err(|e| fail(e.into()))?;
-    emit(&mut out, format, mesh, lattice, &mut Beside::default()).and_then(|w| flushed(&mut out, w)).map_err(fail)
+    emit(&mut out, format, mesh, lattice, &mut Sidecars::default()).and_then(|w| flushed(&mut out, w)).map_err(fail)
 }
 
 /// What was written, and what belongs beside it.
@@ -95,7 +95,7 @@ pub fn write_with_files<'m>(
 ) -> Result<Written<'m>, WriteError> {
     let fail = |kind| WriteError { name: target.display().to_string(), kind };
     mesh.validate().map_err(|e| fail(e.into()))?;
-    let mut beside = Beside::of(target);
+    let mut beside = Sidecars::of(target);
     let warnings =
         emit(&mut out, format, mesh, lattice, &mut beside).and_then(|w| flushed(&mut out, w)).map_err(fail)?;
     Ok(Written { warnings, files: beside.files })
@@ -111,7 +111,7 @@ fn emit<'m>(
     format: Format,
     mesh: &'m Mesh,
     lattice: Option<&Lattice>,
-    beside: &mut Beside<'m>,
+    beside: &mut Sidecars<'m>,
 ) -> Result<Vec<WriteWarning>, WriteErrorKind> {
     match format {
         Format::Obj => obj::write(out, mesh, beside),
@@ -146,7 +146,7 @@ fn write_file(
         // A device or a pipe must not be renamed over.
         Ok(meta) if !meta.is_file() => {
             let mut out = BufWriter::new(File::options().write(true).open(path)?);
-            let warnings = emit(&mut out, format, mesh, lattice, &mut Beside::default())?;
+            let warnings = emit(&mut out, format, mesh, lattice, &mut Sidecars::default())?;
             return flushed(&mut out, warnings);
         }
         // Through a link to the file it names, which would else be replaced by a file of its own.
@@ -163,7 +163,7 @@ fn write_file(
     // Dropped on any error, and with it the file.
     let temporary = new_file(&folder)?;
     let mut out = BufWriter::with_capacity(1 << 16, temporary);
-    let mut beside = Beside::of(&target);
+    let mut beside = Sidecars::of(&target);
     let warnings = emit(&mut out, format, mesh, lattice, &mut beside)?;
     let temporary = out.into_inner().map_err(io::IntoInnerError::into_error)?;
     temporary.as_file().sync_all()?;

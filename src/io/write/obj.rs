@@ -8,7 +8,7 @@
 use std::borrow::Cow;
 use std::io::Write;
 
-use super::beside::Beside;
+use super::sidecars::Sidecars;
 use super::split::Split;
 use super::{Census, WriteErrorKind, WriteWarning, mtl};
 use crate::mesh::{Layer, LayerKind, Mesh, NO_VALUE};
@@ -16,7 +16,7 @@ use crate::mesh::{Layer, LayerKind, Mesh, NO_VALUE};
 pub(super) fn write<'m>(
     out: &mut impl Write,
     mesh: &'m Mesh,
-    beside: &mut Beside<'m>,
+    beside: &mut Sidecars<'m>,
 ) -> Result<Vec<WriteWarning>, WriteErrorKind> {
     let mut warnings = Vec::new();
     let census = Census::of(mesh);
@@ -97,7 +97,7 @@ pub(super) fn write<'m>(
 }
 
 /// Prepare the library and the images; the names of the materials.
-fn materials<'m>(mesh: &'m Mesh, beside: &mut Beside<'m>, warnings: &mut Vec<WriteWarning>) -> Vec<String> {
+fn materials<'m>(mesh: &'m Mesh, beside: &mut Sidecars<'m>, warnings: &mut Vec<WriteWarning>) -> Vec<String> {
     let appearance = &mesh.appearance;
     if appearance.materials.is_empty() {
         if !appearance.images.is_empty() {

@@ -10,7 +10,7 @@ use std::io::Write;
 
 use serde_json::Value;
 
-use super::beside::Beside;
+use super::sidecars::Sidecars;
 use super::split::{Split, per_vertex};
 use super::{Census, WriteErrorKind, WriteWarning, moved, mtl, single};
 use crate::io::read::{DISTINCT, REPEATED};
@@ -29,7 +29,7 @@ pub(super) fn write<'m>(
     out: &mut impl Write,
     mesh: &'m Mesh,
     lattice: Option<&Lattice>,
-    beside: &mut Beside<'m>,
+    beside: &mut Sidecars<'m>,
 ) -> Result<Vec<WriteWarning>, WriteErrorKind> {
     let mut warnings = Vec::new();
     let census = Census::of(mesh);
@@ -254,7 +254,7 @@ impl Textures {
     }
 }
 
-fn textures<'m>(mesh: &'m Mesh, beside: &mut Beside<'m>, warnings: &mut Vec<WriteWarning>) -> Textures {
+fn textures<'m>(mesh: &'m Mesh, beside: &mut Sidecars<'m>, warnings: &mut Vec<WriteWarning>) -> Textures {
     let appearance = &mesh.appearance;
     let mut out = Textures { names: Vec::new(), of_material: Vec::new() };
     if appearance.materials.is_empty() {

@@ -1,7 +1,7 @@
 //! Any bytes as a stream with valid checksums, and what a decoder has to hold to: shared by the fuzz target `decode`
-//! and the replay of its findings. Without the repair no fuzzer would get past the first checksum.
+//! and the encode_levels of its findings. Without the repair no fuzzer would get past the first checksum.
 
-use lodestream::format::container::{Front, Parsed};
+use lodestream::format::container::{FileIndex, Parsed};
 use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
 
 /// A number as LEB128 from `at` on, and where it ends.
@@ -26,7 +26,7 @@ pub fn repair(bytes: &mut Vec<u8>) -> Option<()> {
         bytes[end..end + 4].copy_from_slice(&sum.to_le_bytes());
     };
     seal(bytes);
-    let Ok(Parsed::Ready(front)) = Front::parse(bytes) else { return None };
+    let Ok(Parsed::Ready(front)) = FileIndex::parse(bytes) else { return None };
     let (_, at) = leb128(bytes, body)?;
     let (_, at) = leb128(bytes, at)?;
     let (_, sums) = leb128(bytes, at)?;

@@ -9,7 +9,7 @@ use crate::progress::Bars;
 use crate::shared;
 use anyhow::{Context, Result, bail};
 use lodestream::encode::{self, EncodeOptions, Progress};
-use lodestream::format::container::{ChunkInfo, Front, Kind, Parsed};
+use lodestream::format::container::{ChunkInfo, FileIndex, Kind, Parsed};
 use lodestream::format::decoder::{Decoder, Step};
 use lodestream::image::preview::add_previews;
 use lodestream::image::recompress::recompress;
@@ -154,7 +154,7 @@ fn levels(source: &Mesh, bytes: Vec<u8>, args: &Args, pen: &Pen, bars: &Bars, su
     let mut looks = (args.looks.views > 0).then(|| Looks::new(source, pen, args.looks.options())).transpose()?;
     subject.warnings.extend(looks.as_ref().map_or_else(Vec::new, |s| s.warnings().to_vec()));
     let view = View::front(source);
-    let front = match Front::parse(&bytes)? {
+    let front = match FileIndex::parse(&bytes)? {
         Parsed::Ready(front) => front,
         Parsed::NeedBytes(_) => bail!("the front of the file is not whole"),
     };
@@ -201,13 +201,13 @@ fn levels(source: &Mesh, bytes: Vec<u8>, args: &Args, pen: &Pen, bars: &Bars, su
 }
 
 /// The chunks that are whole after so many bytes.
-fn chunks_until(front: &Front, bytes: u64) -> impl Iterator<Item = &ChunkInfo> {
+fn chunks_until(front: &FileIndex, bytes: u64) -> impl Iterator<Item = &ChunkInfo> {
     front.chunks().iter().take(front.whole_chunks(bytes))
 }
 
 /// About `count` prefixes, evenly spread over the orders of their sizes; the first that shows something and the whole file among them. Each ends
 /// with a level or with an image that is better than before.
-fn stops(front: &Front, count: usize) -> Vec<u64> {
+fn stops(front: &FileIndex, count: usize) -> Vec<u64> {
     let Some(first) = front.prefix_bytes(0) else { return Vec::new() };
     let levels = (0..=front.full_level()).filter_map(|l| front.prefix_bytes(l));
     let pictures = front.chunks().iter().filter(|c| matches!(c.kind, Kind::Image | Kind::Preview)).map(ChunkInfo::end);

@@ -45,7 +45,7 @@ fn scan(levels: usize, vertices: u32, seed: u32) -> Header {
         position_bits: Some(12),
         bounds: Some([[0; 3], [2551, 4095, 1987]]),
         components: 1,
-        aside: AsideCounts::default(),
+        aside: DegenerateCounts::default(),
         levels: rows,
     }
 }
@@ -76,7 +76,7 @@ fn bytes(length: usize, seed: u32) -> Vec<u8> {
 /// A small file with every kind of chunk, a skippable unknown one among them.
 fn small() -> (Header, Vec<Chunk>) {
     let mut header = scan(7, 400, 5);
-    header.aside = AsideCounts { elements: 2, corners: 7 };
+    header.aside = DegenerateCounts { elements: 2, corners: 7 };
     header.optional = 1 << 40;
     let mut chunks = vec![
         Chunk::base(1, bytes(20, 1)),
@@ -91,8 +91,8 @@ fn small() -> (Header, Vec<Chunk>) {
     (header, chunks)
 }
 
-fn front(file: &[u8]) -> Front {
-    match Front::parse(file).unwrap() {
+fn front(file: &[u8]) -> FileIndex {
+    match FileIndex::parse(file).unwrap() {
         Parsed::Ready(front) => front,
         other => panic!("{other:?}"),
     }
@@ -295,22 +295,22 @@ fn errors_are_one_clear_line() {
     let (header, chunks) = small();
     let file = write(&header, &chunks).unwrap();
     assert_eq!(
-        message(Front::parse(b"ply\nformat")),
+        message(FileIndex::parse(b"ply\nformat")),
         "not a .lods file: it does not begin with the magic number; check the name of the file"
     );
     let text = "the .lods file was changed in transfer as if it were text (line ends or the eighth bit); transfer it again in binary mode";
-    assert_eq!(message(Front::parse(b"\x8cLODS\n\n\x01")), text);
-    assert_eq!(message(Front::parse(b"\x8cLODS\r\r\n\r\n")), text);
-    assert_eq!(message(Front::parse(b"\x0cLODS\r\n\n")), text);
+    assert_eq!(message(FileIndex::parse(b"\x8cLODS\n\n\x01")), text);
+    assert_eq!(message(FileIndex::parse(b"\x8cLODS\r\r\n\r\n")), text);
+    assert_eq!(message(FileIndex::parse(b"\x0cLODS\r\n\n")), text);
     let mut bad = file.clone();
     bad[8] = 9;
     assert_eq!(
-        message(Front::parse(&bad)),
+        message(FileIndex::parse(&bad)),
         "byte 8: .lods format version 9, but this program reads version 1; use a newer program"
     );
     let mut bad = file.clone();
     bad[30] ^= 4;
-    let text = message(Front::parse(&bad));
+    let text = message(FileIndex::parse(&bad));
     assert!(text.starts_with("the front of the file (bytes 0 to "), "{text}");
     assert!(text.ends_with("; fetch the file again"), "{text}");
     let at = front(&file).chunks()[1].offset;
@@ -341,12 +341,12 @@ fn errors_are_one_clear_line() {
         "the file needs feature 5, which this program does not know; use a newer program"
     );
     assert_eq!(
-        message(Front::parse(&wrap(&[32, 0, 0]))),
+        message(FileIndex::parse(&wrap(&[32, 0, 0]))),
         "the file needs feature 5, which this program does not know; use a newer program"
     );
     let infos = [info(Kind::Base, 0, 6), info(Kind::Other(17), 2, 2)];
     assert_eq!(
-        message(Front::parse(&forge(&header, &infos))),
+        message(FileIndex::parse(&forge(&header, &infos))),
         "chunk 1 is of kind 17, which has to be understood and is not; use a newer program"
     );
     assert_eq!(
@@ -374,7 +374,7 @@ fn errors_are_one_clear_line() {
 
 #[test]
 fn chunks_have_to_cover_the_levels_in_order() {
-    let header = Header { aside: AsideCounts::default(), ..scan(5, 400, 3) };
+    let header = Header { aside: DegenerateCounts::default(), ..scan(5, 400, 3) };
     let check = |chunks: &[Chunk]| {
         let written = write(&header, chunks);
         let infos: Vec<_> = chunks
@@ -387,7 +387,7 @@ fn chunks_have_to_cover_the_levels_in_order() {
             })
             .collect();
         // A forged file is refused for the same reason, or for what cannot even be said in a table.
-        assert_eq!(Front::parse(&forge(&header, &infos)).is_ok(), written.is_ok());
+        assert_eq!(FileIndex::parse(&forge(&header, &infos)).is_ok(), written.is_ok());
         written.is_ok()
     };
     let base = || Chunk::base(1, vec![1]);
@@ -422,7 +422,7 @@ fn chunks_have_to_cover_the_levels_in_order() {
     assert!(!check(&[base(), part(2, 0, 2), part(3, 1, 2), Chunk::levels(3..=4, vec![])]));
     assert!(!check(&[Chunk::base(4, vec![]), Chunk::aside(4, vec![])]));
     assert!(!check(&[Chunk { kind: Kind::Other(5), ..base() }, Chunk::base(4, vec![])]));
-    let with_aside = Header { aside: AsideCounts { elements: 1, corners: 3 }, ..header.clone() };
+    let with_aside = Header { aside: DegenerateCounts { elements: 1, corners: 3 }, ..header.clone() };
     assert!(write(&with_aside, &[Chunk::base(4, vec![]), Chunk::aside(4, vec![])]).is_ok());
     assert!(write(&with_aside, &[Chunk::base(4, vec![])]).is_err());
     assert!(write(&with_aside, &[Chunk::aside(4, vec![]), Chunk::base(4, vec![])]).is_err());
@@ -452,13 +452,13 @@ fn claims_are_checked_before_memory_is_taken() {
     assert!(forged.total_bytes() > 1 << 61);
     assert!(forged.check_memory(0, 1 << 60).is_err());
     let long = ChunkInfo { length: 1 << 61, ..info(Kind::Levels, 1, 2) };
-    let result = Front::parse(&forge(&header, &[ChunkInfo { length: 1 << 61, ..info(Kind::Base, 0, 0) }, long]));
+    let result = FileIndex::parse(&forge(&header, &[ChunkInfo { length: 1 << 61, ..info(Kind::Base, 0, 0) }, long]));
     assert_eq!(
         message(result),
         "chunk 1 of the chunk table: the file would be longer than 2^62 bytes; the file was made by a faulty encoder or to do harm"
     );
     assert!(matches!(
-        Front::parse(&wrap(&[0, 0, 255, 255, 255, 255, 15, 1, 2, 3])),
+        FileIndex::parse(&wrap(&[0, 0, 255, 255, 255, 255, 15, 1, 2, 3])),
         Err(ContainerError::Inconsistent { place: Place::Header, .. })
     ));
 }
@@ -473,7 +473,7 @@ fn the_example_of_the_format_text_is_what_is_written() {
         position_bits: None,
         bounds: Some([[3, -4, 5]; 2]),
         components: 1,
-        aside: AsideCounts::default(),
+        aside: DegenerateCounts::default(),
         levels: vec![LevelInfo { vertices: 1, error: ErrorBound::QUANTIZATION, ..LevelInfo::default() }],
     };
     let file = write(&header, &[Chunk::base(0, vec![0x2a])]).unwrap();

@@ -44,9 +44,9 @@ fn any_file() -> impl Strategy<Value = (Header, Vec<Chunk>)> {
                 .then(|| [std::array::from_fn(|k| b[k].min(b[k + 3])), std::array::from_fn(|k| b[k].max(b[k + 3]))]),
             components: if v == 0 { 0 } else { n % v + 1 },
             aside: if with_aside {
-                AsideCounts { elements: aside.0, corners: 2 * aside.0 + aside.1 }
+                DegenerateCounts { elements: aside.0, corners: 2 * aside.0 + aside.1 }
             } else {
-                AsideCounts::default()
+                DegenerateCounts::default()
             },
             levels,
         };
@@ -135,7 +135,7 @@ proptest! {
     fn hostile_tables_never_panic(body in prop::collection::vec(any::<u8>(), 0..300), chunks in 0u8..100) {
         for head in [vec![], vec![0, 0, chunks]] {
             let file = wrap(&[head, body.clone()].concat());
-            if let Ok(Parsed::Ready(front)) = Front::parse(&file) {
+            if let Ok(Parsed::Ready(front)) = FileIndex::parse(&file) {
                 prop_assert!(front.chunks().len() * 4 <= file.len());
                 front.memory(front.full_level());
             }
@@ -150,7 +150,7 @@ proptest! {
         let mut body = file[start..length - 4].to_vec();
         let at = at.index(body.len());
         body[at] ^= with;
-        match Front::parse(&wrap(&body)) {
+        match FileIndex::parse(&wrap(&body)) {
             Ok(Parsed::Ready(front)) => {
                 // Whatever is accepted is consistent enough to be written again.
                 let again: Vec<Chunk> = front
@@ -201,7 +201,7 @@ proptest! {
                 ..info(Kind::from_number(kind), a.min(b), a.max(b))
             })
             .collect();
-        prop_assert!(Front::parse(&forge(&header, &infos)).is_err());
+        prop_assert!(FileIndex::parse(&forge(&header, &infos)).is_err());
     }
 
     #[test]

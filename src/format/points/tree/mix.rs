@@ -131,7 +131,7 @@ impl Mixer {
             dot += x as i64 * w as i64;
         }
         let p = squash((dot >> 16).clamp(-2047, 2047) as i32);
-        let bit = coder.choose(&[p as u32, 65536 - p as u32], 65536, !bit as usize) == 0;
+        let bit = coder.symbol(&[p as u32, 65536 - p as u32], 65536, !bit as usize) == 0;
         let error = if bit { 65536 - p } else { -p } as i64;
         let rate = if weights.seen < 256 { 30 - (weights.seen >> 4) as i64 } else { 22 };
         weights.seen = weights.seen.saturating_add(1);

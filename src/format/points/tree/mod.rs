@@ -127,7 +127,7 @@ static SPLITS: [Split; 7] = [
 
 /// What is known around a cell.
 #[derive(Clone, Copy, Debug, Default)]
-struct Around {
+struct CellNeighbours {
     /// Subcells known to hold points.
     known: u64,
     /// Subcells of cells that hold points and are not yet split.
@@ -242,10 +242,10 @@ fn descend(cells: &[Cell], children: &[u32], next: &mut Vec<Cell>, place: &mut V
 
 /// Find the 26 neighbours of cell `i`. `rows` points into the rows beside, and only moves forward as `i` does.
 #[inline]
-fn look_around(cells: &[Cell], rows: &mut [usize; 9], i: usize) -> Around {
+fn look_around(cells: &[Cell], rows: &mut [usize; 9], i: usize) -> CellNeighbours {
     let at = cells[i].at;
     let key = |c: &Cell| ((c.at[0] as u64 + 1) << 32 | (c.at[1] as u64 + 1), c.at[2] as u64 + 1);
-    let mut around = Around::default();
+    let mut around = CellNeighbours::default();
     for (r, pointer) in rows.iter_mut().enumerate() {
         let row = (at[0] as u64 + r as u64 / 3) << 32 | (at[1] as u64 + r as u64 % 3);
         let from = at[2] as u64;
@@ -282,7 +282,7 @@ fn split_cell<C: Coder>(
     coder: &mut C,
     models: &mut Models,
     cell: &Cell,
-    around: &Around,
+    around: &CellNeighbours,
     fit: &Fit,
     plane: u32,
     last: [u32; 3],
@@ -337,7 +337,7 @@ impl Models {
         split: &Split,
         n: u32,
         low: u32,
-        around: &Around,
+        around: &CellNeighbours,
         fit: &Fit,
         plane: u32,
         cell_at: [u32; 3],

@@ -3,7 +3,7 @@
 //! The references are found as the readers find them, without reading the mesh, so that a run that resumes knows what an
 //! output was made from at the cost of a look through the bytes. Files of a store are put into a temporary folder that
 //! repeats their keys, where the reader finds them by the same names. Invariant: whatever a reader may take from a file
-//! beside the source is in [`Beside::checksum`], and so is that a file is not there.
+//! beside the source is in [`Sidecars::checksum`], and so is that a file is not there.
 
 use super::error::{Failure, FailureKind};
 use super::location::Object;
@@ -31,10 +31,10 @@ enum Kind {
 /// References beyond this number are not followed, as reading does not follow them either.
 const MOST: usize = 4096;
 /// The most bytes of a header or document that are looked through.
-const MOST_TEXT: u64 = 1 << 30;
+const MAX_TEXT: u64 = 1 << 30;
 
 /// The files beside a source.
-pub(super) struct Beside {
+pub(super) struct Sidecars {
     /// Their bytes.
     pub bytes: u64,
     /// Those of images, which stay in memory until the output is written.
@@ -49,7 +49,7 @@ pub(super) struct Beside {
     _held: Option<tempfile::TempDir>,
 }
 
-impl Beside {
+impl Sidecars {
     /// Find, check and, from a store, fetch all that `document` refers to.
     ///
     /// # Errors
@@ -95,7 +95,7 @@ impl Beside {
             Place::Store { key, held: Some(held), .. } => (Some(held.path().join(folder_of(key))), Some(held)),
             Place::Store { .. } => (None, None),
         };
-        Ok(Beside { bytes, images, working, folder, checksum, _held })
+        Ok(Sidecars { bytes, images, working, folder, checksum, _held })
     }
 }
 
@@ -367,7 +367,7 @@ struct Item<'a> {
 fn gltf(input: &mut dyn BufRead, drop: DropSet, found: &mut References) -> io::Result<()> {
     let mut text = Vec::new();
     input.take(20).read_to_end(&mut text)?;
-    let mut left = MOST_TEXT;
+    let mut left = MAX_TEXT;
     if let (true, Some(&[a, b, c, d])) = (text.starts_with(b"glTF"), text.get(12..16)) {
         left = u64::from(u32::from_le_bytes([a, b, c, d]));
         text.clear();

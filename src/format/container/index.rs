@@ -9,13 +9,13 @@ use super::chunk::{Chunk, ChunkInfo, Kind, check_order, memory_amount, memory_co
 use super::error::{ContainerError, Place, inconsistent};
 use super::header::Header;
 use super::{
-    KNOWN_REQUIRED, MAGIC, MAX_BODY, MEMORY_PER_CORNER, MEMORY_PER_ELEMENT, MEMORY_PER_LAYER_CORNER,
-    MEMORY_PER_LONE_VALUE, MEMORY_PER_NEW_VERTEX, MEMORY_PER_VERTEX, MEMORY_PER_WEDGE_COMPONENT, VERSION, table,
+    KNOWN_REQUIRED, MAGIC, MAX_BODY, MEMORY_PER_CORNER, MEMORY_PER_ELEMENT, MEMORY_PER_EXTRA_VALUE,
+    MEMORY_PER_LAYER_CORNER, MEMORY_PER_NEW_VERTEX, MEMORY_PER_VERTEX, MEMORY_PER_WEDGE_COMPONENT, VERSION, table,
 };
 
 /// The front of a file, checked: what a client needs to plan.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Front {
+pub struct FileIndex {
     header: Header,
     chunks: Vec<ChunkInfo>,
     /// Bytes of the front itself.
@@ -35,10 +35,10 @@ pub enum Parsed {
     /// The file has to be known up to this many bytes at least.
     NeedBytes(u64),
     /// The front is whole.
-    Ready(Front),
+    Ready(FileIndex),
 }
 
-impl Front {
+impl FileIndex {
     /// Read the front of a file of which `bytes` is a prefix.
     ///
     /// Allocates no more than a small multiple of the front's own bytes, plus 64 K rows of levels at the very most,
@@ -71,10 +71,10 @@ impl Front {
         if stored != computed {
             return Err(ContainerError::HeaderDamaged { length: body_end as u64, stored, computed });
         }
-        Ok(Parsed::Ready(Front::parse_body(body, length as u64)?))
+        Ok(Parsed::Ready(FileIndex::parse_body(body, length as u64)?))
     }
 
-    fn parse_body(body: &[u8], length: u64) -> Result<Front, ContainerError> {
+    fn parse_body(body: &[u8], length: u64) -> Result<FileIndex, ContainerError> {
         let mut at = 0;
         let mut number = || match leb128(body, &mut at)? {
             Some(n) => Ok(n),
@@ -97,11 +97,11 @@ impl Front {
             chunk.offset = offset;
             offset = end_of(index, offset, chunk.length)?;
         }
-        Front::assemble(header, chunks, length)
+        FileIndex::assemble(header, chunks, length)
     }
 
     /// The checked front from its parts; `chunks` have their offsets.
-    fn assemble(header: Header, chunks: Vec<ChunkInfo>, length: u64) -> Result<Front, ContainerError> {
+    fn assemble(header: Header, chunks: Vec<ChunkInfo>, length: u64) -> Result<FileIndex, ContainerError> {
         header.validate()?;
         let needs = check_order(&header, &chunks)?;
         let mut working = vec![0u64; needs.len()];
@@ -127,7 +127,7 @@ impl Front {
             at = end;
             images.push(sum);
         }
-        Ok(Front { header, chunks, length, needs, working, images })
+        Ok(FileIndex { header, chunks, length, needs, working, images })
     }
 
     /// The header.
@@ -243,7 +243,7 @@ impl Front {
         }
         if level == self.full_level() && self.header.attributes.lone {
             let lone = row.vertices as u64 + self.header.aside.corners as u64;
-            attributes = attributes.saturating_add(lone * layers.len() as u64 * MEMORY_PER_LONE_VALUE);
+            attributes = attributes.saturating_add(lone * layers.len() as u64 * MEMORY_PER_EXTRA_VALUE);
         }
         if !self.header.attributes.is_bare() {
             attributes = attributes.saturating_add(elements * MEMORY_PER_ELEMENT);
@@ -283,7 +283,7 @@ pub(super) fn verify(index: usize, info: &ChunkInfo, payload: &[u8]) -> Result<(
 /// The bytes of the front of a file with these chunks; the file is the front and then each chunk's payload in turn.
 ///
 /// # Errors
-/// What [`Front::parse`] would refuse, except for unknown features.
+/// What [`FileIndex::parse`] would refuse, except for unknown features.
 pub fn write_front(header: &Header, chunks: &[Chunk]) -> Result<Vec<u8>, ContainerError> {
     front_of(header, &chunks.iter().map(Chunk::borrowed).collect::<Vec<_>>())
 }
@@ -353,10 +353,10 @@ pub(crate) fn write_borrowed(header: &Header, chunks: &[Chunk<&[u8]>]) -> Result
 /// A whole file with one more chunk behind all others; `make` gets the number of the full level.
 ///
 /// # Errors
-/// As [`Front::parse`], [`Front::payload`] and [`write_front`]; [`ContainerError::Truncated`] where the file is cut.
+/// As [`FileIndex::parse`], [`FileIndex::payload`] and [`write_front`]; [`ContainerError::Truncated`] where the file is cut.
 pub fn with_chunk(file: &[u8], make: impl FnOnce(u32) -> Chunk) -> Result<Vec<u8>, ContainerError> {
     let have = file.len() as u64;
-    let front = match Front::parse(file)? {
+    let front = match FileIndex::parse(file)? {
         Parsed::Ready(front) => front,
         Parsed::NeedBytes(need) => return Err(ContainerError::Truncated { have, need, exact: false, level: None }),
     };

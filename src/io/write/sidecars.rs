@@ -13,7 +13,7 @@ use crate::mesh::{Image, Mesh};
 
 /// What goes beside the mesh, and under which names.
 #[derive(Default)]
-pub(super) struct Beside<'m> {
+pub(super) struct Sidecars<'m> {
     /// The folder and the name of the mesh file without its extension; `None` where nothing can stand beside it.
     pub place: Option<(PathBuf, String)>,
     /// The files to write.
@@ -22,12 +22,12 @@ pub(super) struct Beside<'m> {
     taken: BTreeSet<String>,
 }
 
-impl<'m> Beside<'m> {
+impl<'m> Sidecars<'m> {
     /// Of a mesh file at this path.
     pub fn of(target: &Path) -> Self {
         let folder = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let stem = target.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-        Beside { place: Some((folder.to_path_buf(), stem)), ..Beside::default() }
+        Sidecars { place: Some((folder.to_path_buf(), stem)), ..Sidecars::default() }
     }
 
     /// The name of a file `STEM.extension`.

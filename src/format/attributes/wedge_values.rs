@@ -6,12 +6,12 @@ use super::values::{Far, VALUE_LIMIT, Value, WIDTH, code_far, code_pair, code_re
 use crate::format::coder::range::Coder;
 use crate::format::complex::placement::sub;
 use crate::format::complex::{MAX_WEDGES, NEW, NONE, WedgeBatch, first_of_middle, middle};
-use crate::format::split::segment::{Nonsense, Source};
+use crate::format::split::segment::{InvalidStream, Source};
 use std::sync::atomic::Ordering::Relaxed;
 
-fn within(value: &Value) -> Result<(), Nonsense> {
+fn within(value: &Value) -> Result<(), InvalidStream> {
     if value.iter().any(|c| c.unsigned_abs() > VALUE_LIMIT as u32) {
-        return Err(Nonsense("a value out of range"));
+        return Err(InvalidStream("a value out of range"));
     }
     Ok(())
 }
@@ -43,7 +43,7 @@ impl<C: Coder> Job<'_, C> {
         source: &mut S,
         out: &mut WedgeBatch,
         regular: bool,
-    ) -> Result<(), Nonsense> {
+    ) -> Result<(), InvalidStream> {
         let width = self.sight.wedges.width;
         if !C::DECODING {
             for local in &mut s.locals {
@@ -199,16 +199,16 @@ impl<C: Coder> Job<'_, C> {
     }
 
     /// A new wedge.
-    fn fresh(&self, out: &mut WedgeBatch, value: &Value) -> Result<u32, Nonsense> {
+    fn fresh(&self, out: &mut WedgeBatch, value: &Value) -> Result<u32, InvalidStream> {
         let width = self.sight.wedges.width;
         let number = out.fresh.len() / width;
         if number >= UNSETTLED as usize || self.sight.wedges.len() + number >= MAX_WEDGES {
-            return Err(Nonsense("more wedges than a layer can have"));
+            return Err(InvalidStream("more wedges than a layer can have"));
         }
         if let Some(room) = self.room.get(self.l)
             && room.fetch_update(Relaxed, Relaxed, |r| r.checked_sub(1)).is_err()
         {
-            return Err(Nonsense("more wedges than the header announces"));
+            return Err(InvalidStream("more wedges than the header announces"));
         }
         out.fresh.extend_from_slice(&value[..width]);
         Ok(NEW | number as u32)

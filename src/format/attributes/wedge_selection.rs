@@ -5,7 +5,7 @@ use super::scratch::{Fresh, Group, LayerScratch, Local, Place, UNSETTLED, push_l
 use super::structure::{Beside, Job, NEAR, UNKNOWN};
 use crate::format::coder::range::Coder;
 use crate::format::complex::{BIG, NEW, NONE};
-use crate::format::split::segment::{Nonsense, Source};
+use crate::format::split::segment::{InvalidStream, Source};
 
 /// Wedges of a group that a child has which are considered beside the last.
 const BACK: u32 = 64;
@@ -129,7 +129,7 @@ impl<C: Coder> Job<'_, C> {
         key: u32,
         place: Option<Place>,
         regular: bool,
-    ) -> Result<u32, Nonsense> {
+    ) -> Result<u32, InvalidStream> {
         let key_of = |w: u32| if C::DECODING { UNKNOWN } else { source.key(self.l, w) };
         if let Some(p) = place
             && (regular || self.coder.bit(&mut self.structure.apex[0], key_of(p.apex) == key))
@@ -170,7 +170,7 @@ impl<C: Coder> Job<'_, C> {
                 list(s);
             }
             if s.ids.is_empty() {
-                return Err(Nonsense("a wedge of an apex that has none"));
+                return Err(InvalidStream("a wedge of an apex that has none"));
             }
             let i = self.coder.uniform(s.ids.len() as u32, found.unwrap_or(0) as u32);
             return Ok(s.ids[i as usize]);

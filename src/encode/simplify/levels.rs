@@ -3,8 +3,8 @@
 //! The numbering of a level follows from the base and the batches before it (children take consecutive places), so it is only known
 //! top-down: this is why coding waits for the last collapse. It runs the decoder's own `refine`.
 
-use super::history::{History, Stored};
-use crate::format::attributes::{Dress, Keys, Scheme, Value, Wardrobe, code_base_layers};
+use super::history::{History, StoredBatch};
+use crate::format::attributes::{AttributeSource, Keys, Scheme, SplitAttributes, Value, code_base_layers};
 use crate::format::coder::range::{Coder, Encoder};
 use crate::format::complex::{
     Attributes, Batch, Faces, Inserted, Level, NEW, NONE, Refined, Side, Split, Star, Wanted, Wedges, refine,
@@ -12,8 +12,8 @@ use crate::format::complex::{
 };
 use crate::format::elements::{ElementsError, Origin, code_elements};
 use crate::format::points::{canonical_order, code_points};
-use crate::format::split::neighbourhood::View;
-use crate::format::split::segment::{Nonsense, Scratch, Source};
+use crate::format::split::neighbourhood::LevelGeometry;
+use crate::format::split::segment::{InvalidStream, Scratch, Source};
 use crate::format::stream::{Account, State, Task, code_segment, join, segment_range, segments};
 use crate::parallel;
 use std::sync::atomic::AtomicU64;
@@ -42,7 +42,7 @@ pub struct Piece {
 
 /// Everything that goes into the file.
 #[derive(Clone, Debug, Default)]
-pub struct Replayed {
+pub struct EncodedLevels {
     /// In streaming order.
     pub pieces: Vec<Piece>,
     /// Vertices, elements, corners, shift and error bound in steps, of each level, coarse to fine.
@@ -77,26 +77,26 @@ type Named = (Vec<Vec<(u32, u32)>>, Vec<u32>);
 
 /// A history that contradicts itself: a bug, not an input's fault.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum ReplayError {
+pub enum LevelsError {
     /// The base breaks its invariants.
     #[error("the base of the simplification: {0}")]
     Base(#[from] ElementsError),
     /// A batch does not fit its level.
     #[error("a batch of the simplification: {}", .0.0)]
-    Stream(Nonsense),
+    Stream(InvalidStream),
 }
 
 /// Code `history`, whose slots are below `slots`. `progress` hears the vertices of each level reached.
 ///
 /// # Errors
-/// [`ReplayError`] for a history that `simplify` does not make.
-pub fn replay(
+/// [`LevelsError`] for a history that `simplify` does not make.
+pub fn encode_levels(
     history: &History,
     slots: usize,
     scheme: &Scheme,
     progress: &(dyn Fn(u64) + Sync),
-) -> Result<Replayed, ReplayError> {
-    let mut out = Replayed::default();
+) -> Result<EncodedLevels, LevelsError> {
+    let mut out = EncodedLevels::default();
     let mut state = State::new(scheme);
     let mut coder = Encoder::new();
 
@@ -124,7 +124,7 @@ pub fn replay(
     let start = coder.bits();
     let mut attributes = base_attributes(history, &origins, &level.faces);
     let names =
-        code_base_layers(&mut coder, scheme, count, &level.faces, &mut attributes, &[]).map_err(ReplayError::Stream)?;
+        code_base_layers(&mut coder, scheme, count, &level.faces, &mut attributes, &[]).map_err(LevelsError::Stream)?;
     out.account.splits.attributes += coder.bits() - start;
     let mut s = Slots {
         wedge: names,
@@ -148,7 +148,7 @@ pub fn replay(
     for (b, stored) in history.batches.iter().enumerate().rev() {
         let fine_level = (history.batches.len() - b) as u32;
         let error = if b == 0 { 0.0 } else { history.batches[b - 1].error };
-        let view = View::with(&level, &star, &attributes, scheme);
+        let view = LevelGeometry::with(&level, &star, &attributes, scheme);
         let n = level.positions.len();
         let pieces = segments(n);
         if pieces > 1
@@ -173,7 +173,7 @@ pub fn replay(
             }
         };
         let mut swaps: Vec<(u32, bool)> = Vec::new();
-        let mut birth_order: Vec<u32> = Vec::new();
+        let mut new_vertex_order: Vec<u32> = Vec::new();
         let mut named: Vec<Named> = Vec::new();
         let batch;
         if pieces == 1 {
@@ -181,11 +181,11 @@ pub fn replay(
             let mut reader = Reader::new(&s, stored, &view);
             let mut part = stored.head();
             code_segment(coder, &mut state, &mut scratch, &task(0), &mut reader, &mut part, &mut out.account)
-                .map_err(ReplayError::Stream)?;
-            (swaps, birth_order) = (reader.swaps, reader.birth_order);
+                .map_err(LevelsError::Stream)?;
+            (swaps, new_vertex_order) = (reader.swaps, reader.new_vertex_order);
             named.push((reader.named, fresh_wedges(&part, scheme)));
             batch = part;
-            let fine = n + batch.len() + batch.births.len();
+            let fine = n + batch.len() + batch.new_vertices.len();
             // Bits that come back raw are for those who go on.
             let bits = b > 0 && history.batches[b - 1].shift < stored.shift;
             let end = b == 0 || (fine >= SMALL && (bits || fine * 12 >= *from * growth(slots))) || segments(fine) > 1;
@@ -206,11 +206,11 @@ pub fn replay(
                 let mut scratch = Scratch::default();
                 code_segment(&mut coder, &mut state, &mut scratch, &task(k), &mut reader, &mut part, &mut account)?;
                 let keep = (k == 0).then_some(state);
-                Ok::<_, Nonsense>((coder.finish(), keep, part, account, reader))
+                Ok::<_, InvalidStream>((coder.finish(), keep, part, account, reader))
             });
             let mut batches = Vec::new();
             for (k, part) in parts.into_iter().enumerate() {
-                let (payload, keep, part, account, reader) = part.map_err(ReplayError::Stream)?;
+                let (payload, keep, part, account, reader) = part.map_err(LevelsError::Stream)?;
                 out.pieces.push(Piece {
                     first: fine_level,
                     last: fine_level,
@@ -219,7 +219,7 @@ pub fn replay(
                 });
                 if let Some(keep) = keep {
                     state = keep;
-                    birth_order = reader.birth_order;
+                    new_vertex_order = reader.new_vertex_order;
                 }
                 out.account.points += account.points;
                 out.account.splits.connectivity += account.splits.connectivity;
@@ -233,7 +233,7 @@ pub fn replay(
         }
         let touched = if scheme.is_empty() { Vec::new() } else { touched(&level.faces, &star, &batch) };
         let refined = refine(&level, star, &batch, stored.placement.bias, Wanted { star: b > 0, element: true });
-        s.descend(stored, &batch, &refined, &swaps, &birth_order);
+        s.descend(stored, &batch, &refined, &swaps, &new_vertex_order);
         if !scheme.is_empty() {
             s.rename(&named);
             attributes = refine_attributes(attributes, &level.faces, &touched, &batch, &refined);
@@ -285,11 +285,11 @@ fn fresh_wedges(part: &Batch, scheme: &Scheme) -> Vec<u32> {
     part.attributes.layers.iter().zip(&scheme.widths).map(|(l, &w)| (l.fresh.len() / w.max(1)) as u32).collect()
 }
 
-impl Stored {
+impl StoredBatch {
     fn head(&self) -> Batch {
         Batch {
             alpha: self.placement.alpha,
-            births: self.birth_positions.clone(),
+            new_vertices: self.new_vertex_positions.clone(),
             shift: self.shift,
             ..Batch::default()
         }
@@ -298,7 +298,7 @@ impl Stored {
 
 impl Slots<'_> {
     /// Note where the slots of the level are and which of them split.
-    fn announce(&mut self, stored: &Stored, level: &Level) {
+    fn announce(&mut self, stored: &StoredBatch, level: &Level) {
         for v in 0..level.positions.len() {
             self.of_slot[self.vertex[v] as usize] = v as u32;
         }
@@ -330,16 +330,23 @@ impl Slots<'_> {
     }
 
     /// Go to the finer level.
-    fn descend(&mut self, stored: &Stored, batch: &Batch, fine: &Refined, swaps: &[(u32, bool)], birth_order: &[u32]) {
+    fn descend(
+        &mut self,
+        stored: &StoredBatch,
+        batch: &Batch,
+        fine: &Refined,
+        swaps: &[(u32, bool)],
+        new_vertex_order: &[u32],
+    ) {
         let parents = &fine.parent;
         let mut vertex = Vec::with_capacity(parents.len());
-        let mut births = birth_order.iter();
+        let mut new_vertices = new_vertex_order.iter();
         let mut splits = swaps.iter();
         let mut v = 0;
         while v < parents.len() {
             let parent = parents[v];
             if parent == NONE {
-                vertex.push(births.next().map_or(NONE, |&b| stored.births[b as usize]));
+                vertex.push(new_vertices.next().map_or(NONE, |&b| stored.new_vertices[b as usize]));
                 v += 1;
             } else if parents.get(v + 1) == Some(&parent) {
                 if let Some(&(i, swapped)) = splits.next() {
@@ -387,20 +394,20 @@ impl Slots<'_> {
 /// Answers a coder's questions out of the history.
 struct Reader<'a> {
     slots: &'a Slots<'a>,
-    stored: &'a Stored,
-    view: &'a View<'a>,
+    stored: &'a StoredBatch,
+    view: &'a LevelGeometry<'a>,
     asked: u32,
     /// The stored split behind each coded one, and whether its children changed places.
     swaps: Vec<(u32, bool)>,
     swap_of: Vec<(u32, bool)>,
-    birth_order: Vec<u32>,
+    new_vertex_order: Vec<u32>,
     used: Vec<bool>,
     /// Wedges and their slots at the finer level, layer by layer.
     named: Vec<Vec<(u32, u32)>>,
 }
 
 impl<'a> Reader<'a> {
-    fn new(slots: &'a Slots<'a>, stored: &'a Stored, view: &'a View<'a>) -> Self {
+    fn new(slots: &'a Slots<'a>, stored: &'a StoredBatch, view: &'a LevelGeometry<'a>) -> Self {
         Reader {
             slots,
             stored,
@@ -408,20 +415,26 @@ impl<'a> Reader<'a> {
             asked: 0,
             swaps: Vec::new(),
             swap_of: Vec::new(),
-            birth_order: Vec::new(),
+            new_vertex_order: Vec::new(),
             used: Vec::new(),
             named: vec![Vec::new(); view.scheme.widths.len()],
         }
     }
 }
 
-impl Wardrobe for Reader<'_> {
-    fn dress(&mut self, view: &View, v: u32, split: &Split, dress: &mut Dress) {
+impl AttributeSource for Reader<'_> {
+    fn quantize_attributes(
+        &mut self,
+        view: &LevelGeometry,
+        v: u32,
+        split: &Split,
+        quantize_attributes: &mut SplitAttributes,
+    ) {
         let Some(&(i, swapped)) = self.swaps.last() else { return };
         let (i, s) = (i as usize, self.stored);
         let star = view.star.get(v);
-        dress.layers.resize_with(s.layers.len(), Keys::default);
-        for (l, (layer, keys)) in s.layers.iter().zip(&mut dress.layers).enumerate() {
+        quantize_attributes.layers.resize_with(s.layers.len(), Keys::default);
+        for (l, (layer, keys)) in s.layers.iter().zip(&mut quantize_attributes.layers).enumerate() {
             let wedges = &view.attributes.layers[l];
             let changed = &layer.star[layer.star_start[i] as usize..layer.star_start[i + 1] as usize];
             keys.star.clear();
@@ -444,7 +457,7 @@ impl Wardrobe for Reader<'_> {
             }
             keys.inserted.clear();
         }
-        dress.labels.clear();
+        quantize_attributes.labels.clear();
         let first = s.triangle_start[i] as usize;
         let list = &s.triangles[first..s.triangle_start[i + 1] as usize];
         let label = |slot: u32| self.slots.labels.get(slot as usize).copied().unwrap_or(0);
@@ -456,15 +469,15 @@ impl Wardrobe for Reader<'_> {
                 .find(|&j| !self.used[j] && list[j].apex == apex && (list[j].reversed ^ swapped) == t.reversed);
             let Some(j) = found else { continue };
             self.used[j] = true;
-            dress.labels.push(label(list[j].slot));
-            for (layer, keys) in s.layers.iter().zip(&mut dress.layers) {
+            quantize_attributes.labels.push(label(list[j].slot));
+            for (layer, keys) in s.layers.iter().zip(&mut quantize_attributes.layers) {
                 let [one, two, apex] = layer.triangles[first + j];
                 keys.inserted.push(if swapped { [two, one, apex] } else { [one, two, apex] });
             }
         }
         for e in s.edge_start[i] as usize..s.edge_start[i + 1] as usize {
-            dress.labels.push(label(s.edges[e]));
-            for (layer, keys) in s.layers.iter().zip(&mut dress.layers) {
+            quantize_attributes.labels.push(label(s.edges[e]));
+            for (layer, keys) in s.layers.iter().zip(&mut quantize_attributes.layers) {
                 let [one, two] = layer.edges[e];
                 keys.inserted.push(if swapped { [two, one, NONE] } else { [one, two, NONE] });
             }
@@ -515,8 +528,8 @@ impl Source for Reader<'_> {
         self.swaps.push((self.asked, swapped));
     }
 
-    fn births(&mut self, _: &[[i32; 3]]) {
-        self.birth_order = canonical_order(&self.stored.birth_positions);
+    fn new_vertices(&mut self, _: &[[i32; 3]]) {
+        self.new_vertex_order = canonical_order(&self.stored.new_vertex_positions);
     }
 
     fn low_bits(&mut self, v: u32, child: u32) -> [u16; 3] {
@@ -535,7 +548,7 @@ impl Source for Reader<'_> {
         self.slots.low_bits[slot as usize]
     }
 
-    fn birth_low_bits(&mut self, birth: u32) -> [u16; 3] {
-        self.slots.low_bits[self.stored.births[self.birth_order[birth as usize] as usize] as usize]
+    fn new_vertex_low_bits(&mut self, new_vertex: u32) -> [u16; 3] {
+        self.slots.low_bits[self.stored.new_vertices[self.new_vertex_order[new_vertex as usize] as usize] as usize]
     }
 }
