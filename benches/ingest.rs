@@ -75,7 +75,7 @@ fn make(folder: &Path, count: u32, largest: u32) -> Vec<PathBuf> {
         let shape = shapes[i as usize % shapes.len()];
         let mut mesh = samples::by_name(shape, size as u32, u64::from(i)).expect("a known shape");
         if i % 4 == 3 {
-            quantize_attributes(&mut mesh, 1 + i / 4 % 7);
+            with_attributes(&mut mesh, 1 + i / 4 % 7);
         }
         // Points and dangling edges have no place in STL.
         let format = if shape == "points" || shape == "crumbs" { "ply" } else { formats[(i / 3) as usize % 4] };
@@ -88,7 +88,7 @@ fn make(folder: &Path, count: u32, largest: u32) -> Vec<PathBuf> {
 }
 
 /// Give a mesh attributes that say nothing new: texture coordinates, normals, colours, a bit of `which` each.
-fn quantize_attributes(mesh: &mut Mesh, which: u32) {
+fn with_attributes(mesh: &mut Mesh, which: u32) {
     let mut alone = vec![true; mesh.positions.len()];
     mesh.corners.iter().for_each(|&v| alone[v as usize] = false);
     let isolated: Vec<[u32; 2]> = (0..alone.len() as u32).filter(|&v| alone[v as usize]).map(|v| [v, v]).collect();

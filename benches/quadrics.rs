@@ -52,8 +52,8 @@ fn main() {
 
 /// The largest ratios over `simplify`, as it is and with its vertices on the lattice.
 fn compare(name: &str, source: &Mesh, bits: u8) -> [f64; 2] {
-    let options = EncodeOptions { quantization: Quantization::Bits(bits), ..EncodeOptions::default() };
-    let encoded = encode(source, &options, &|_| {}).expect("it is a sound mesh");
+    let options = EncodeOptions::default().quantization(Quantization::Bits(bits));
+    let encoded = encode(source, &options).expect("it is a sound mesh");
     let sampled = Sampled::new(source);
     let quadrics = Quadrics::new(source);
     let sampling = SampleOptions { weights: Weights::Samples, ..SampleOptions::default() };

@@ -84,8 +84,8 @@ fn measure(name: &str, mut mesh: Mesh, effort: Effort) {
     }
     add_previews(&mut mesh.appearance, if has("--no-previews") { Previews::None } else { Previews::Auto });
     let file = |schedule| {
-        let options = EncodeOptions { schedule, ..EncodeOptions::default() };
-        encode(&mesh, &options, &|_| {}).expect("it encodes").bytes
+        let options = EncodeOptions::default().schedule(schedule);
+        encode(&mesh, &options).expect("it encodes").bytes
     };
     let orders = [Schedule::MeshFirst, Schedule::TextureFirst, Schedule::Linear];
     let mut files: Vec<Vec<u8>> = orders.into_iter().map(file).collect();

@@ -12,7 +12,7 @@ use lodestream::encode::cost::{BoundScratch, Class, EdgeList, Gatherer, Patch, W
 use lodestream::encode::cost::{Cpu, Engine, Evaluator, Fixed, Scale, SeamPatch, Task, seam_displacement};
 use lodestream::encode::simplify::{SelectInput, SelectOptions, select};
 use lodestream::encode::trace::Trace;
-use lodestream::encode::{EncodeOptions, encode_on};
+use lodestream::encode::{Control, EncodeOptions, encode_with};
 use lodestream::format::complex::{Faces, Star};
 use lodestream::gpu::{
     Device, DeviceChoice, DeviceOptions, Distances, GpuWeights, devices, distances, seam_displacements,
@@ -271,7 +271,7 @@ fn stages(mesh_name: &str, mesh: &Mesh, names: &[String], rows: &mut Vec<Row>) {
             engine.evaluator = Box::new(gpu);
         }
         let (clock, cpu) = (Instant::now(), cpu_seconds());
-        let Ok(encoded) = encode_on(mesh, &EncodeOptions::default(), engine, &|_| {}) else { continue };
+        let Ok(encoded) = encode_with(mesh, &EncodeOptions::default(), engine, Control::new()) else { continue };
         let device = name.map_or("processor".to_string(), String::clone);
         let mut push = |what, items, unit, seconds, cpu_seconds| {
             let (mesh, device) = (mesh_name.to_string(), device.clone());

@@ -10,7 +10,7 @@ mod common;
 use common::{Scratch, lodestream_in};
 use lodestream::encode::cost::{Cpu, Engine, EvaluateError, Evaluator, Fixed, Task};
 use lodestream::encode::trace::Trace;
-use lodestream::encode::{EncodeOptions, encode, encode_on};
+use lodestream::encode::{Control, EncodeOptions, encode, encode_with};
 use lodestream::gpu::{Device, DeviceChoice, DeviceOptions, GpuWeights};
 use lodestream::io::write::{self, WriteOptions};
 use lodestream::samples;
@@ -54,11 +54,11 @@ impl Evaluator for LostAfter {
 #[test]
 fn a_device_lost_at_any_level_changes_no_byte() {
     let mesh = samples::ringed_asteroid(10, 20, 1);
-    let whole = encode(&mesh, &EncodeOptions::default(), &|_| {}).unwrap();
+    let whole = encode(&mesh, &EncodeOptions::default()).unwrap();
     assert_eq!((whole.report.weighed_by.as_str(), &whole.report.fallback), ("cpu", &None));
     for levels in [0, 1, 2, 5, 11, 1000] {
         let engine = Engine { evaluator: Box::new(LostAfter(Box::new(Cpu), levels)), trace: Trace::off() };
-        let encoded = encode_on(&mesh, &EncodeOptions::default(), engine, &|_| {}).unwrap();
+        let encoded = encode_with(&mesh, &EncodeOptions::default(), engine, Control::new()).unwrap();
         assert!(encoded.bytes == whole.bytes && encoded.map == whole.map, "lost after {levels} levels");
         let (by, why) =
             if levels == 1000 { ("test device", None) } else { ("cpu", Some("gone at batch n".to_string())) };
@@ -71,10 +71,10 @@ fn software_vulkan_makes_the_same_file() {
     let Some(device) = software("software_vulkan_makes_the_same_file") else { return };
     let name = device.info().name.clone();
     let mesh = samples::ringed_asteroid(12, 60, 1);
-    let whole = encode(&mesh, &EncodeOptions::default(), &|_| {}).unwrap();
+    let whole = encode(&mesh, &EncodeOptions::default()).unwrap();
     let trace = Trace::on();
     let engine = Engine { evaluator: Box::new(GpuWeights::new(device).unwrap()), trace: trace.clone() };
-    let encoded = encode_on(&mesh, &EncodeOptions::default(), engine, &|_| {}).unwrap();
+    let encoded = encode_with(&mesh, &EncodeOptions::default(), engine, Control::new()).unwrap();
     assert!(encoded.bytes == whole.bytes, "twins agree bit for bit on this device, so files do");
     assert_eq!((encoded.report.weighed_by, encoded.report.fallback), (name, None));
     assert_eq!(encoded.report.edges_weighed, whole.report.edges_weighed);
@@ -102,11 +102,11 @@ fn a_level_stays_on_the_device_from_batch_to_batch() {
     let mut evaluator: Box<dyn Evaluator> = Box::new(GpuWeights::new(device).unwrap());
     for name in ["mixed", "soup", "crumbs", "torus"] {
         let mesh = samples::by_name(name, 3000, 7).unwrap();
-        let by_cpu = encode(&mesh, &options, &|_| {}).unwrap();
+        let by_cpu = encode(&mesh, &options).unwrap();
         let trace = Trace::on();
         let lent = Lent::new(evaluator);
         let engine = Engine { evaluator: Box::new(lent.clone()), trace: trace.clone() };
-        let encoded = encode_on(&mesh, &options, engine, &|_| {}).unwrap();
+        let encoded = encode_with(&mesh, &options, engine, Control::new()).unwrap();
         evaluator = lent.back();
         assert!(encoded.bytes == by_cpu.bytes && encoded.report.fallback.is_none(), "{name}");
         let count = |what: &str| trace.to_json().matches(&format!("\"{what}\"")).count();

@@ -7,18 +7,17 @@
 #[path = "suite/common/small.rs"]
 mod small;
 
-use lodestream::format::attributes::AttributeSource;
 use lodestream::format::coder::range::Encoder;
-use lodestream::format::complex::{Batch, Faces, Inserted, NONE, Split, Star};
+use lodestream::format::complex::{Faces, Inserted, NONE, Split, Star};
 use lodestream::format::container::{
     Chunk, DegenerateCounts, FileIndex, Header, Kind, Label, LevelInfo, Parsed, write,
 };
 use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
 use lodestream::format::elements::code_elements;
 use lodestream::format::points::{canonical_order, code_points};
+use lodestream::format::segment::{Given, ModelState, Scratch, SegmentTask, code_segment};
 use lodestream::format::split::neighbourhood::LevelGeometry;
-use lodestream::format::split::segment::{Scratch, Source};
-use lodestream::format::stream::{Account, State, Task, code_segment, segment_range, segments};
+use lodestream::format::state::{segment_range, segments};
 use lodestream::mesh::{Layer, LayerKind, Mesh, Stored};
 use small::{Random, file, files};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -168,10 +167,10 @@ fn mutate(r: &mut Random, file: &mut Parts, others: &[Parts]) {
             file.chunks[chunk].payload = other.chunks[r.below(other.chunks.len())].payload.clone();
         }
         11 => {
-            file.header.aside = DegenerateCounts { elements: number(r, 3), corners: number(r, 9) };
-            if r.below(2) == 0 && !file.chunks.iter().any(|c| c.kind == Kind::Aside) {
+            file.header.degenerate = DegenerateCounts { elements: number(r, 3), corners: number(r, 9) };
+            if r.below(2) == 0 && !file.chunks.iter().any(|c| c.kind == Kind::Degenerate) {
                 let payload = file.chunks[chunk].payload.clone();
-                file.chunks.push(Chunk::aside(file.header.full_level(), payload));
+                file.chunks.push(Chunk::degenerate(file.header.full_level(), payload));
             }
         }
         12 => {
@@ -201,10 +200,10 @@ fn mutate(r: &mut Random, file: &mut Parts, others: &[Parts]) {
                     a.labels.iter_mut().for_each(|label| label.layers |= u32::MAX >> (32 - a.layers.len()));
                 }
                 (5, _) => {
-                    a.lone = true;
+                    a.extra = true;
                     let payload = file.chunks[chunk].payload.clone();
                     if !file.chunks.iter().any(|c| c.kind == Kind::ExtraAttributes) {
-                        file.chunks.push(Chunk::lone(file.header.full_level(), payload));
+                        file.chunks.push(Chunk::extra(file.header.full_level(), payload));
                     }
                 }
                 _ => {
@@ -283,37 +282,28 @@ fn survive(bytes: &[u8], limit: u64) -> Result<(bool, usize), String> {
 /// Beyond the limit: the tables of the front, the models, and the file itself a few times over.
 const OVERHEAD: usize = 4 << 20;
 
-/// An encoder that lets a few vertices of each segment list triangles without end.
-struct Greedy<'a> {
-    star: &'a Star,
-    faces: &'a Faces,
-    left: u32,
-}
-
 /// What each of them lists.
 const LIST: usize = 40_000;
 /// How many of them there are in a segment.
 const LISTS: u32 = 25;
 
-impl AttributeSource for Greedy<'_> {}
-
-impl Source for Greedy<'_> {
-    fn split(&mut self, v: u32, split: &mut Split) -> Option<[i32; 3]> {
-        self.left = self.left.checked_sub(1)?;
-        let around = self.star.get(v);
+/// Splits of which a few in each segment list triangles without end.
+fn greedy(star: &Star, faces: &Faces, range: std::ops::Range<u32>) -> Given<'static> {
+    let mut given = Given::default();
+    let mut blocked = std::collections::HashSet::<u32>::new();
+    for v in range {
+        if given.batch.len() as u32 == LISTS || blocked.contains(&v) {
+            continue;
+        }
+        let around = star.get(v);
+        let Some(apex) = faces.get(around[0]).iter().copied().find(|&x| x != v) else { continue };
+        let mut split = Split::default();
         split.reset(around.len());
-        let apex = self.faces.get(around[0]).iter().copied().find(|&x| x != v)?;
         split.triangles.extend(std::iter::repeat_n(Inserted { apex, reversed: false }, LIST));
-        Some([0; 3])
+        given.batch.push(v, &split, [0; 3]);
+        around.iter().for_each(|&f| blocked.extend(faces.get(f).iter().copied()));
     }
-    fn settled(&mut self, _: &Split, _: bool) {}
-    fn new_vertices(&mut self, _: &[[i32; 3]]) {}
-    fn low_bits(&mut self, _: u32, _: u32) -> [u16; 3] {
-        [0; 3]
-    }
-    fn new_vertex_low_bits(&mut self, _: u32) -> [u16; 3] {
-        [0; 3]
-    }
+    given
 }
 
 /// A file of two levels whose segments each list as many triangles as the header says the whole level has more.
@@ -340,22 +330,21 @@ fn segments_that_each_claim_all() -> Vec<u8> {
     let mut chunks = vec![Chunk::base(0, base.finish())];
     for k in 0..pieces {
         let range = segment_range(n, k, pieces);
-        let room = AtomicU64::new(u64::MAX);
-        let task = Task {
+        let element_budget = AtomicU64::new(u64::MAX);
+        let task = SegmentTask {
             view,
             range: (range.start, range.end),
             first: k == 0,
-            more: (u64::MAX, u64::MAX),
-            room: &room,
-            wedges: &[],
+            growth: (u64::MAX, u64::MAX),
+            element_budget: &element_budget,
+            wedge_budget: &[],
             shift: 0,
             bias: 0,
         };
         let mut coder = Encoder::new();
-        let mut source = Greedy { star: &star, faces: &level.faces, left: LISTS };
-        let (mut state, mut scratch) = (State::default(), Scratch::default());
-        let (mut batch, mut account) = (Batch::default(), Account::default());
-        code_segment(&mut coder, &mut state, &mut scratch, &task, &mut source, &mut batch, &mut account).unwrap();
+        let given = greedy(&star, &level.faces, range);
+        let (mut models, mut scratch) = (ModelState::default(), Scratch::default());
+        code_segment(&mut coder, &mut models, &mut scratch, &task, Some(&given)).unwrap();
         chunks.push(Chunk::segment(1, k as u32, pieces as u32, coder.finish()));
     }
     let Parts { mut header, .. } = parts(&bytes);
@@ -393,7 +382,7 @@ fn honest_files_keep_to_what_they_say() {
         ("wild layers", with(terrain(30_000, 1), &[uv, quality, color])),
         ("points with values", with(point_cloud(100_000, 2), &[color, normal])),
         ("soup with values", with(soup(5_000, 10_000, 4), &[uv, quality])),
-        ("crumbs with materials", small::quantize_attributes(crumbs(10_000, 3), 5)),
+        ("crumbs with materials", small::with_attributes(crumbs(10_000, 3), 5)),
     ];
     for (name, mesh) in meshes {
         for bits in [10, 21] {
@@ -420,7 +409,7 @@ fn hostile_streams_do_no_harm() {
     let large = lodestream::samples::sphere(60, 0.01, 4);
     let large = parts(&file(&large, 12));
     assert!(large.chunks.iter().any(|c| c.segments > 1), "a file with segments");
-    let dressed = parts(&file(&small::quantize_attributes(lodestream::samples::terrain(30_000, 4), 6), 10));
+    let dressed = parts(&file(&small::with_attributes(lodestream::samples::terrain(30_000, 4), 6), 10));
     assert!(dressed.chunks.iter().any(|c| c.segments > 1 && c.kind == Kind::Segment), "layers in segments");
     let others: Vec<Parts> = files.iter().map(|(_, p)| p.clone()).collect();
     files.retain(|(name, _)| *name != "empty");

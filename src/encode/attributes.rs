@@ -2,8 +2,8 @@
 //! the presence of values told by labels.
 
 use super::EncodeOptions;
-use crate::format::attributes::{ExtraAttributes, MAX_LAYERS, Scheme, Value};
-use crate::format::complex::{Attributes, Faces, MAX_WEDGES, NONE, Wedges};
+use crate::format::attributes::{ExtraAttributes, Value};
+use crate::format::complex::{Attributes, Faces, MAX_LAYERS, MAX_WEDGES, NONE, Scheme, Wedges};
 use crate::format::container::{AttributeHeader, Label, LayerHeader, MAX_LABELS, MAX_NAME};
 use crate::mesh::quantizer::{Precision, Quantizer, QuantizerError};
 use crate::mesh::{Layer, LayerKind, Mesh, NO_VALUE};
@@ -47,19 +47,19 @@ pub(super) struct QuantizedAttributes {
     pub header: AttributeHeader,
     pub scheme: Scheme,
     pub attributes: Attributes,
-    /// Values outside the complex; elements aside in the order of the mesh.
-    pub lone: ExtraAttributes,
+    /// Values outside the complex; those of degenerate faces in the order of the mesh.
+    pub extra: ExtraAttributes,
     /// Values of vertices that no element names: vertex, layer, value, in increasing order.
     pub isolated: Vec<(u32, u32, Value)>,
 }
 
-/// Which elements of the mesh are in the complex, and which travel aside, in order.
+/// Which elements of the mesh are in the complex, and which are degenerate faces, in order.
 pub(super) struct Parts<'a> {
     pub faces: &'a Faces,
     /// For each element of the complex its number in the mesh.
     pub of_face: Vec<u32>,
-    /// For each element aside its number in the mesh.
-    pub of_aside: Vec<u32>,
+    /// For each degenerate face its number in the mesh.
+    pub of_degenerate: Vec<u32>,
 }
 
 pub(super) fn quantize_attributes(
@@ -109,13 +109,13 @@ pub(super) fn quantize_attributes(
         Ok(labels)
     };
     out.attributes.labels = all(&parts.of_face)?;
-    out.lone.labels = all(&parts.of_aside)?;
+    out.extra.labels = all(&parts.of_degenerate)?;
     if out.header.labels.is_empty() {
         out.header.labels.push(Label::default());
     }
     if out.header.labels.len() < 2 {
         out.attributes.labels = Vec::new();
-        out.lone.labels = Vec::new();
+        out.extra.labels = Vec::new();
     }
 
     for (l, layer) in mesh.layers.iter().enumerate() {
@@ -148,18 +148,18 @@ pub(super) fn quantize_attributes(
         });
         out.scheme.widths.push(coded);
         out.attributes.layers.push(wedges);
-        let mut aside = Vec::new();
-        for &f in &parts.of_aside {
+        let mut degenerate = Vec::new();
+        for &f in &parts.of_degenerate {
             let own = mesh.face_start[f as usize] as usize..mesh.face_start[f as usize + 1] as usize;
-            aside.extend(layer.corners[own].iter().map(|&i| (i != NO_VALUE).then(|| values[i as usize])));
+            degenerate.extend(layer.corners[own].iter().map(|&i| (i != NO_VALUE).then(|| values[i as usize])));
         }
-        out.lone.corners.push(aside);
+        out.extra.corners.push(degenerate);
         out.isolated.extend(layer.isolated.iter().map(|&[v, i]| (v, l as u32, values[i as usize])));
     }
     out.scheme.presence = out.header.labels.iter().map(|l| l.layers).collect();
     out.isolated.sort_unstable_by_key(|i| (i.0, i.1));
     let bare = mesh.layers.is_empty() && out.header.labels.len() < 2;
-    out.header.lone = (!parts.of_aside.is_empty() && !bare) || !out.isolated.is_empty();
+    out.header.extra = (!parts.of_degenerate.is_empty() && !bare) || !out.isolated.is_empty();
     out.header.materials = mesh.appearance.materials.len() as u32;
     out.header.images = mesh.appearance.images.len() as u32;
     out.header.appearance = !mesh.appearance.is_empty();

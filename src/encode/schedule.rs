@@ -90,7 +90,7 @@ pub fn order<B: AsRef<[u8]>>(mesh: Vec<Chunk<B>>, pictures: Pictures<B>, schedul
     let mut level = 0;
     for chunk in &mut out {
         match chunk.kind {
-            Kind::Appearance | Kind::Image | Kind::Recipe | Kind::Preview => {
+            Kind::Appearance | Kind::Image | Kind::Reconstruction | Kind::Preview => {
                 (chunk.first_level, chunk.last_level) = (level, level)
             }
             _ => level = chunk.last_level,
@@ -129,7 +129,7 @@ mod tests {
             Chunk::segment(5, 0, 2, vec![0; 20]),
             Chunk::segment(5, 1, 2, vec![0; 20]),
             Chunk::levels(6..=6, vec![0; 60]),
-            Chunk::lone(6, vec![0; 1]),
+            Chunk::extra(6, vec![0; 1]),
         ];
         let image = |i, sizes: &[usize]| {
             let n = sizes.len() as u32;
@@ -150,7 +150,7 @@ mod tests {
         let name = |c: &Chunk| match c.kind {
             Kind::Image => format!("{}{}@{}", (b'a' + c.image as u8) as char, c.segment, c.first_level),
             Kind::Appearance => "m".into(),
-            Kind::Recipe => format!("r@{}", c.first_level),
+            Kind::Reconstruction => format!("r@{}", c.first_level),
             Kind::Preview => format!("p{}{}@{}", (b'a' + c.payload[0]) as char, c.payload[1], c.first_level),
             _ => format!("{}", c.last_level),
         };

@@ -3,8 +3,8 @@
 //! Records of one kind resemble each other; with some kilobytes of JSON in a file, what a context of two bytes would gain is not worth its
 //! learning. The bytes of images are chunks of their own.
 
+use crate::format::coder::InvalidStream;
 use crate::format::coder::range::{Bit, Coder, exp_golomb};
-use crate::format::split::segment::InvalidStream;
 use crate::mesh::{Appearance, Image};
 
 /// The most bytes of all strings together.

@@ -14,5 +14,6 @@ pub mod decoder;
 pub mod degenerate;
 pub mod elements;
 pub mod points;
+pub mod segment;
 pub mod split;
-pub mod stream;
+pub mod state;

@@ -9,12 +9,9 @@ use super::sidecars::Sidecars;
 use super::stamp::{Stamp, hex};
 use super::{Engines, Event, Observer, predict};
 use crate::encode::cost::Engine;
-use crate::encode::quality_order;
-use crate::encode::{self, EncodeError, Encoded};
+use crate::encode::{Control, EncodeError, Encoded};
 use crate::format::container::{FileIndex, Parsed};
 use crate::format::decoder::{DecodeOptions, Decoder, Step};
-use crate::image::preview::add_previews;
-use crate::image::recompress::recompress;
 use crate::io::read::{self, Format, ReadError, ReadErrorKind, ReadMesh, ReadOptions, Survey};
 use crate::quality::exact;
 use rayon::ThreadPool;
@@ -313,8 +310,8 @@ fn compute(
     drop(bytes);
     job.record.warnings = read.warnings.iter().map(ToString::to_string).collect();
     // Not a warning of the reader, and still what somebody who looks at the output has to know.
-    let recompressed = recompress(&mut read.mesh.appearance, job.settings.textures);
-    add_previews(&mut read.mesh.appearance, job.settings.previews);
+    let pipeline = job.settings.pipeline();
+    let recompressed = pipeline.prepare(&mut read.mesh.appearance);
     job.record.warnings.extend(recompressed.iter().map(ToString::to_string));
     job.record.vertices = read.mesh.vertex_count() as u64;
     job.record.faces = read.mesh.face_count() as u64;
@@ -323,28 +320,19 @@ fn compute(
     let id = job.id;
     let threads = rayon::current_num_threads();
     let engine = around.engines.map_or_else(Engine::default, |make| make(job.record.vertices, threads));
-    let encoded = encode::encode_on(&read.mesh, &job.settings.encode, engine, &|progress| {
-        around.observer.event(Event::Progress { id, progress });
-    });
-    let encoded = encoded.map_err(|e| match e {
+    let stamp_chunk = |full| stamp.chunk(full);
+    let tell = |progress| around.observer.event(Event::Progress { id, progress });
+    let control = Control::new().progress(&tell);
+    let encoded = pipeline.encode(&read.mesh, engine, Some(&stamp_chunk), control);
+    let mut encoded = encoded.map_err(|e| match e {
         EncodeError::Bug(_) => Failure::new(FailureKind::Bug, format!("{name}: {e}")),
         _ => Failure::new(FailureKind::Encode, format!("{name}: {e}")),
     })?;
     let inside = |e: &dyn std::fmt::Display| Failure::new(FailureKind::Bug, format!("{name}: {e}; please report it"));
-    let Encoded { bytes, map, report } = encoded;
-    // Images may be most of what is in memory: the mesh, the output and the stamped output never are there together, unless
-    // the mesh is needed again.
-    let again = around.verify.then_some((read, map));
-    let bytes = if job.settings.by_quality {
-        // The file is our own, and what this takes was foreseen.
-        let effort = job.settings.effort;
-        let options = quality_order::Options { effort, image_cache: predict::IMAGE_CACHE, memory_limit: u64::MAX };
-        quality_order::by_quality(&bytes, &options, &|_, _| {}).map_err(|e| inside(&e))?.bytes
-    } else {
-        bytes
-    };
-    let stamped = stamp.attach(&bytes).map_err(|e| inside(&e))?;
-    drop(bytes);
+    // Images may be most of what is in memory: the mesh goes before the output is there twice, unless it is needed again.
+    let again = around.verify.then(|| (read, std::mem::take(&mut encoded.map)));
+    pipeline.arrange(&mut encoded, Some(&stamp_chunk), &|_, _| {}).map_err(|e| inside(&e))?;
+    let Encoded { bytes: stamped, report, .. } = encoded;
     job.record.levels = report.levels as u64;
     if let Some(why) = &report.fallback {
         job.record.warnings.push(format!("{why}; the processor weighed the edges instead"));

@@ -5,7 +5,7 @@
 //! The figures are measured, not derived: `cargo bench --bench ingest -- memory` prints what each file of a varied set took
 //! in a run of its own beside what is predicted here. `DESIGN.md`, "Ingest", has the table.
 
-use super::settings::Settings;
+use super::settings::{IMAGE_CACHE, Settings};
 use crate::image::jpeg::Working;
 use crate::image::preview::Previews;
 use crate::image::recompress::Textures;
@@ -32,8 +32,6 @@ const DOCUMENT: u64 = 6;
 const WELD: u64 = 20;
 /// Bytes that are left of encoding when the output is put together, for each vertex.
 const HISTORY: u64 = 90;
-/// Bytes of decoded images that the order by quality keeps.
-pub(super) const IMAGE_CACHE: u64 = 64 << 20;
 /// Bytes for that order: for each vertex and corner of a level in memory and as a scene, for each number of a value and corner of a layer, for each
 /// texel of all images, and for each pixel of all views.
 const DRAWING: [u64; 5] = [160, 60, 8, 20, 8];

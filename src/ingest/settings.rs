@@ -1,11 +1,15 @@
 //! How one file is to be encoded, and the one spelling of it that goes into checksums.
 
 use crate::encode::EncodeOptions;
-use crate::encode::quality_order::{Effort, Order};
+use crate::encode::pipeline::Pipeline;
+use crate::encode::quality_order::{self, Effort, Order};
 use crate::image::preview::Previews;
 use crate::image::recompress::Textures;
 use crate::io::read::DropSet;
 use sha2::{Digest, Sha256};
+
+/// Bytes of decoded images that the order by quality keeps.
+pub(super) const IMAGE_CACHE: u64 = 64 << 20;
 
 /// How one file is to be encoded.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -24,6 +28,16 @@ pub struct Settings {
     pub by_quality: bool,
     /// How closely that order looks.
     pub effort: Effort,
+}
+
+impl Settings {
+    /// The way from a mesh to its file.
+    pub(super) fn pipeline(&self) -> Pipeline {
+        let order = if self.by_quality { Order::Quality } else { Order::Fixed(self.encode.schedule) };
+        // The file is our own, and what ordering it takes was foreseen.
+        let looks = quality_order::Options { effort: self.effort, image_cache: IMAGE_CACHE, memory_limit: u64::MAX };
+        Pipeline { encode: self.encode.clone(), textures: self.textures, previews: self.previews, order, looks }
+    }
 }
 
 /// The names of what can be left out, on the command line and in manifests.

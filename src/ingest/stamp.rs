@@ -35,12 +35,9 @@ impl Stamp {
         Some(Stamp { source: source.try_into().ok()?, settings: settings.try_into().ok()? })
     }
 
-    /// A `.lods` file with this stamp behind its last chunk.
-    ///
-    /// # Errors
-    /// Those of [`with_chunk`].
-    pub fn attach(&self, file: &[u8]) -> Result<Vec<u8>, ContainerError> {
-        with_chunk(file, |full| Chunk {
+    /// The chunk that holds it, behind all others of a file whose full level is `full`.
+    pub(super) fn chunk(&self, full: u32) -> Chunk {
+        Chunk {
             kind: Kind::Other(KIND_SOURCE),
             first_level: full,
             last_level: full,
@@ -49,7 +46,15 @@ impl Stamp {
             image: 0,
             memory: 0,
             payload: self.payload(),
-        })
+        }
+    }
+
+    /// A `.lods` file with this stamp behind its last chunk.
+    ///
+    /// # Errors
+    /// Those of [`with_chunk`].
+    pub fn attach(&self, file: &[u8]) -> Result<Vec<u8>, ContainerError> {
+        with_chunk(file, |full| self.chunk(full))
     }
 
     /// Where in the file the stamp lies.
@@ -89,7 +94,7 @@ mod tests {
     #[test]
     fn a_stamped_file_decodes_as_before_and_tells_its_stamp() {
         let mesh = crate::samples::asteroid(8, 1);
-        let plain = encode(&mesh, &EncodeOptions::default(), &|_| {}).unwrap().bytes;
+        let plain = encode(&mesh, &EncodeOptions::default()).unwrap().bytes;
         let stamp = Stamp { source: checksum_with(b"abc", &[source_checksum(b"d"), [0; 32]]), settings: [7; 32] };
         assert_eq!(hex(&source_checksum(b"abc"))[..16], *"ba7816bf8f01cfea");
         let stamped = stamp.attach(&plain).unwrap();

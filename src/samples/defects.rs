@@ -33,9 +33,9 @@ pub fn fan_book(pages: u32, copies: u32, seed: u64) -> Mesh {
                 _ => {}
             }
         }
-        let lone = mesh.vertex_count() as u32;
+        let extra = mesh.vertex_count() as u32;
         mesh.positions.extend([[x, 0.0, 2.0], [x, 1.5, 2.0]]);
-        mesh.push_face(&[base + 1, lone]);
+        mesh.push_face(&[base + 1, extra]);
         if let Some(tip) = last_tip {
             mesh.push_face(&[tip, base, base + 2]);
         }

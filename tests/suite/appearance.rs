@@ -6,7 +6,7 @@ use lodestream::format::complex::NONE;
 use lodestream::format::container::{FileIndex, Kind, Parsed};
 use lodestream::format::decoder::{DecodeError, DecodeOptions, Decoder, Step};
 use lodestream::samples::torus;
-use small::{file, quantize_attributes};
+use small::{file, with_attributes};
 
 fn front(bytes: &[u8]) -> FileIndex {
     match FileIndex::parse(bytes) {
@@ -22,7 +22,7 @@ fn of(front: &FileIndex, kind: Kind) -> usize {
 
 #[test]
 fn each_level_has_wedges_labels_and_as_much_of_the_appearance_as_arrived() {
-    let mesh = quantize_attributes(torus(9, 8), 4);
+    let mesh = with_attributes(torus(9, 8), 4);
     let bytes = file(&mesh, 11);
     let front = front(&bytes);
     let mut decoder = Decoder::new(DecodeOptions::default());
@@ -68,7 +68,7 @@ fn each_level_has_wedges_labels_and_as_much_of_the_appearance_as_arrived() {
 
 #[test]
 fn materials_and_images_may_be_fetched_apart() {
-    let mesh = quantize_attributes(torus(9, 8), 4);
+    let mesh = with_attributes(torus(9, 8), 4);
     let bytes = file(&mesh, 11);
     let front = front(&bytes);
     let payload = |k: usize| {

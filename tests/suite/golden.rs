@@ -14,7 +14,7 @@ fn folder() -> PathBuf {
 }
 
 /// What a file decodes to: levels, vertices, faces (those that repeat a vertex included), and a checksum of every
-/// level's coordinates, elements and parents, and of the elements aside.
+/// level's coordinates, elements and parents, and of the degenerate faces.
 fn describe(name: &str, bytes: &[u8]) -> String {
     let mut decoder = Decoder::new(DecodeOptions::default());
     decoder.push(bytes);
@@ -38,8 +38,8 @@ fn describe(name: &str, bytes: &[u8]) -> String {
         }
         decoder.attributes().labels.iter().for_each(|&l| put(l as u32));
     }
-    if let Some(aside) = decoder.aside() {
-        aside.start.iter().chain(&aside.corners).for_each(|&c| put(c));
+    if let Some(degenerate) = decoder.degenerate() {
+        degenerate.start.iter().chain(&degenerate.corners).for_each(|&c| put(c));
     }
     decoder.finish().unwrap_or_else(|error| panic!("{name}: {error}"));
     let mesh = decoder.to_mesh();

@@ -19,10 +19,10 @@ struct Row {
 
 /// Every `stride`-th level, and the two finest, against the input: no sample may be above the bound.
 fn measure(name: &str, mesh: &Mesh, options: &EncodeOptions, stride: u32) -> Vec<Row> {
-    let bytes = encode(mesh, options, &|_| {}).unwrap_or_else(|e| panic!("{name}: {e}")).bytes;
+    let bytes = encode(mesh, options).unwrap_or_else(|e| panic!("{name}: {e}")).bytes;
     let mut decoder = Decoder::new(DecodeOptions::default());
     decoder.push(&bytes);
-    let header: Header = decoder.front().unwrap().unwrap().header().clone();
+    let header: Header = decoder.index().unwrap().unwrap().header().clone();
     let input = Surface::new(mesh);
     let extent = mesh.positions.iter().flatten().fold(0.0f64, |m, c| m.max(c.abs()));
     let mut rows = Vec::new();
@@ -59,7 +59,7 @@ fn measure(name: &str, mesh: &Mesh, options: &EncodeOptions, stride: u32) -> Vec
 }
 
 fn bits(b: u8) -> EncodeOptions {
-    EncodeOptions { quantization: Quantization::Bits(b), ..EncodeOptions::default() }
+    EncodeOptions::default().quantization(Quantization::Bits(b))
 }
 
 #[test]
@@ -159,7 +159,7 @@ fn tile(from: u32, to: u32, rows: u32) -> Mesh {
 
 /// At each level the lattice points for which `on_border` holds.
 fn borders(mesh: &Mesh, options: &EncodeOptions, on_border: impl Fn([f64; 3]) -> bool) -> Vec<Vec<[u64; 3]>> {
-    let bytes = encode(mesh, options, &|_| {}).unwrap().bytes;
+    let bytes = encode(mesh, options).unwrap().bytes;
     let mut decoder = Decoder::new(DecodeOptions::default());
     decoder.push(&bytes);
     let mut levels = Vec::new();
@@ -175,11 +175,9 @@ fn borders(mesh: &Mesh, options: &EncodeOptions, on_border: impl Fn([f64; 3]) ->
 #[test]
 fn tiles_with_locked_borders_fit_at_every_level() {
     let step = 1.0 / 256.0;
-    let options = EncodeOptions {
-        quantization: Quantization::Step { step, origin: Some([0.0, 0.0, 0.0]) },
-        lock_borders: true,
-        ..EncodeOptions::default()
-    };
+    let options = EncodeOptions::default()
+        .quantization(Quantization::Step { step, origin: Some([0.0, 0.0, 0.0]) })
+        .lock_borders(true);
     let shared = |p: [f64; 3]| p[0] == 30.0;
     let left = borders(&tile(0, 30, 40), &options, shared);
     let right = borders(&tile(30, 70, 40), &options, shared);
@@ -203,7 +201,7 @@ fn locked_borders_stay_where_they_are() {
     let mut border: Vec<u32> = edges.iter().filter(|e| *e.1 == 1).flat_map(|e| *e.0).collect();
     border.sort_unstable();
     border.dedup();
-    let options = EncodeOptions { lock_borders: true, ..bits(14) };
+    let options = bits(14).lock_borders(true);
     let lattice = Lattice::choose(options.quantization, &mesh.positions).unwrap();
     let points = lattice.quantize(&mesh.positions).unwrap();
     let bits = |v: &u32| lattice.point(points[*v as usize]).map(f64::to_bits);

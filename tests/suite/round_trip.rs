@@ -11,7 +11,7 @@ use lodestream::quality::exact;
 
 /// Encode and decode in memory and compare through the map; the error is one line.
 fn round_trip(mesh: &Mesh, options: &EncodeOptions) -> Result<(), String> {
-    let encoded = encode(mesh, options, &|_| {}).map_err(|e| e.to_string())?;
+    let encoded = encode(mesh, options).map_err(|e| e.to_string())?;
     let mut decoder = Decoder::new(DecodeOptions::default());
     decoder.push(&encoded.bytes);
     loop {
@@ -22,7 +22,7 @@ fn round_trip(mesh: &Mesh, options: &EncodeOptions) -> Result<(), String> {
         }
     }
     decoder.finish().map_err(|e| e.to_string())?;
-    let lattice = decoder.front().map_err(|e| e.to_string())?.ok_or("no front")?.header().lattice;
+    let lattice = decoder.index().map_err(|e| e.to_string())?.ok_or("no front")?.header().lattice;
     exact::by_map(mesh, &decoder.to_mesh(), &lattice, &encoded.map).map_err(|e| e.to_string())
 }
 
@@ -32,8 +32,7 @@ fn every_dataset_comes_back_through_the_library() {
     // The largest goes through `verify` below; once is enough in a build without full optimization.
     for dataset in datasets::available(|d| !d.large && d.vertices < 150_000) {
         for (bits, lock_borders) in [(12, false), (9, true)] {
-            let options =
-                EncodeOptions { quantization: Quantization::Bits(bits), lock_borders, ..EncodeOptions::default() };
+            let options = EncodeOptions::default().quantization(Quantization::Bits(bits)).lock_borders(lock_borders);
             let result = dataset.load(None).and_then(|mesh| round_trip(&mesh, &options));
             if let Err(error) = result {
                 failures.push(format!("{} at {bits} bits: {error}", dataset.name));
@@ -106,7 +105,7 @@ fn tiny_meshes_come_back() {
     ];
     for (name, mesh) in cases {
         for bits in [1, 12, 21] {
-            let options = EncodeOptions { quantization: Quantization::Bits(bits), ..EncodeOptions::default() };
+            let options = EncodeOptions::default().quantization(Quantization::Bits(bits));
             round_trip(mesh, &options).unwrap_or_else(|e| panic!("{name} at {bits} bits: {e}"));
         }
     }
@@ -133,14 +132,13 @@ fn border_points(mesh: &Mesh, lattice: &lodestream::mesh::lattice::Lattice) -> V
 #[test]
 fn locked_borders_stay_at_every_level() {
     for mesh in [lodestream::samples::cylinder(40, 30, 20, 3), lodestream::samples::terrain(2500, 4)] {
-        let options =
-            EncodeOptions { quantization: Quantization::Bits(14), lock_borders: true, ..EncodeOptions::default() };
-        let encoded = encode(&mesh, &options, &|_| {}).unwrap();
+        let options = EncodeOptions::default().quantization(Quantization::Bits(14)).lock_borders(true);
+        let encoded = encode(&mesh, &options).unwrap();
         let mut decoder = Decoder::new(DecodeOptions::default());
         decoder.push(&encoded.bytes);
         let (mut levels, mut coarsest) = (0, usize::MAX);
         while let Step::Level(level) = decoder.next_level().unwrap() {
-            let lattice = decoder.front().unwrap().unwrap().header().lattice;
+            let lattice = decoder.index().unwrap().unwrap().header().lattice;
             let decoded = decoder.to_mesh();
             assert_eq!(border_points(&decoded, &lattice), border_points(&mesh, &lattice), "level {level}");
             levels += 1;

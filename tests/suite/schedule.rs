@@ -73,8 +73,8 @@ fn textured(side: u16) -> Mesh {
 }
 
 fn file(mesh: &Mesh, schedule: Schedule) -> Vec<u8> {
-    let options = EncodeOptions { schedule, ..EncodeOptions::default() };
-    encode(mesh, &options, &|_| {}).expect("it encodes").bytes
+    let options = EncodeOptions::default().schedule(schedule);
+    encode(mesh, &options).expect("it encodes").bytes
 }
 
 fn ordered(file: &[u8]) -> Scheduled {

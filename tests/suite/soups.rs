@@ -89,15 +89,15 @@ proptest! {
 
     #[test]
     fn soups_come_back(mesh in soup(60, 80), lock in any::<bool>(), bits in 1u8..15) {
-        let options = EncodeOptions { quantization: Quantization::Bits(bits), lock_borders: lock, ..EncodeOptions::default() };
-        let e = encode(&mesh, &options, &|_| {}).unwrap();
+        let options = EncodeOptions::default().quantization(Quantization::Bits(bits)).lock_borders(lock);
+        let e = encode(&mesh, &options).unwrap();
         exact(&mesh, &options, &e.bytes, &e.map)?;
     }
 
     #[test]
     fn sparse_soups_come_back(mesh in soup(400, 60), bits in 1u8..22) {
-        let options = EncodeOptions { quantization: Quantization::Bits(bits), ..EncodeOptions::default() };
-        let e = encode(&mesh, &options, &|_| {}).unwrap();
+        let options = EncodeOptions::default().quantization(Quantization::Bits(bits));
+        let e = encode(&mesh, &options).unwrap();
         exact(&mesh, &options, &e.bytes, &e.map)?;
     }
 }
@@ -107,7 +107,7 @@ proptest! {
 
     #[test]
     fn every_prefix_decodes_to_its_whole_levels(mesh in soup(60, 60)) {
-        let e = encode(&mesh, &EncodeOptions::default(), &|_| {}).unwrap();
+        let e = encode(&mesh, &EncodeOptions::default()).unwrap();
         all_prefixes(&e.bytes)?;
     }
 }

@@ -9,7 +9,7 @@ use lodestream::format::decoder::{DecodeError, DecodeOptions, Decoder, MissingIm
 use lodestream::image::jpeg::{Exactness, Treatment, same_picture};
 use lodestream::mesh::{Image, Mesh};
 use lodestream::samples::torus;
-use small::{Random, quantize_attributes};
+use small::{Random, with_attributes};
 
 /// A picture with something to see, by an encoder that is not ours.
 fn jpeg(side: u16, color: ColorType, progressive: bool) -> Vec<u8> {
@@ -38,7 +38,7 @@ fn textured(side: u16) -> Mesh {
 }
 
 fn with_images(mesh: Mesh, side: u16) -> Mesh {
-    let mut mesh = quantize_attributes(mesh, 4);
+    let mut mesh = with_attributes(mesh, 4);
     let colour = jpeg(side, ColorType::Rgb, false);
     let cut = colour[..colour.len() - 7].to_vec();
     let files = [colour, jpeg(side, ColorType::Luma, true), cut, Vec::new(), b"\x89PNG and so on".to_vec()];
@@ -48,7 +48,7 @@ fn with_images(mesh: Mesh, side: u16) -> Mesh {
 }
 
 fn encoded(mesh: &Mesh, schedule: Schedule, images: Exactness) -> Encoded {
-    encode(mesh, &EncodeOptions { schedule, images, ..EncodeOptions::default() }, &|_| {}).unwrap()
+    encode(mesh, &EncodeOptions::default().schedule(schedule).images(images)).unwrap()
 }
 
 fn front(bytes: &[u8]) -> FileIndex {
@@ -119,7 +119,7 @@ fn every_prefix_gives_the_pictures_so_far() {
             // Just whole, and one byte short of the next.
             let next = front.chunks().get(k + 1).map_or(chunk.end(), |c| (c.end() - 1).max(chunk.end()));
             for end in [chunk.end(), next] {
-                let (step, mut decoder) = run(&bytes[..end as usize]);
+                let (step, decoder) = run(&bytes[..end as usize]);
                 assert!(matches!(step, Ok(Step::NeedBytes | Step::Full)), "{step:?}");
                 let Some(appearance) = decoder.appearance().cloned() else { continue };
                 let begun =
@@ -188,7 +188,7 @@ fn pieces_may_be_fetched_apart_in_their_order() {
         Err(format!("level 0: a piece of an image before the pieces that it follows{tail}"))
     );
     assert_eq!(
-        offer(&mut decoder, Kind::Recipe, 0, 0),
+        offer(&mut decoder, Kind::Reconstruction, 0, 0),
         Err(format!("level 0: the reconstruction of an image before the image{tail}"))
     );
     offer(&mut decoder, Kind::Image, 0, 1).unwrap();
@@ -265,7 +265,7 @@ fn previews_stand_in_until_something_better_comes() {
             let (front, chunks) = chunks(&bytes);
             let mut there = [0, 0];
             for (k, info) in front.chunks().iter().enumerate() {
-                let (step, mut decoder) = run(&bytes[..info.end() as usize]);
+                let (step, decoder) = run(&bytes[..info.end() as usize]);
                 assert!(matches!(step, Ok(Step::NeedBytes | Step::Full)), "{step:?}");
                 let Some(found) = decoder.appearance().cloned() else { continue };
                 if info.kind == Kind::Preview {
@@ -299,7 +299,7 @@ fn previews_stand_in_until_something_better_comes() {
             let (kept, cut): (Vec<Chunk>, Vec<Chunk>) = chunks.into_iter().partition(without);
             for chunks in [kept.clone(), [kept, cut].concat()] {
                 let file = write(front.header(), &chunks).unwrap();
-                let (end, mut decoder) = run(&file);
+                let (end, decoder) = run(&file);
                 assert_eq!((end, decoder.to_mesh()), (Ok(Step::Full), whole.clone()));
             }
             let plain = encoded(&textured(150), schedule, exactness).bytes;
@@ -322,7 +322,7 @@ fn previews_that_make_no_sense_are_passed_over() {
     let with = |at: usize, extra: &[Chunk]| {
         let file: Vec<Chunk> = [&chunks[..at], extra, &chunks[at..]].concat();
         let file = write(front.header(), &file).unwrap();
-        let (end, mut decoder) = run(&file);
+        let (end, decoder) = run(&file);
         assert_eq!((end, decoder.to_mesh()), (Ok(Step::Full), whole.clone()));
         let first = FileIndex::parse(&file).unwrap();
         let Parsed::Ready(first) = first else { panic!("a front") };
@@ -383,8 +383,9 @@ fn hostile_pictures_do_no_harm() {
             c.chunk(front.payload(&bytes, k).unwrap().unwrap().to_vec())
         })
         .collect();
-    let pictures: Vec<usize> =
-        (0..chunks.len()).filter(|&k| matches!(chunks[k].kind, Kind::Image | Kind::Recipe | Kind::Preview)).collect();
+    let pictures: Vec<usize> = (0..chunks.len())
+        .filter(|&k| matches!(chunks[k].kind, Kind::Image | Kind::Reconstruction | Kind::Preview))
+        .collect();
     let (mut r, mut refused, mut decoded) = (Random(77), 0, 0);
     for round in 0..4000 {
         let mut changed = chunks.clone();
@@ -395,7 +396,7 @@ fn hostile_pictures_do_no_harm() {
             1 => c.segment = r.below(5) as u32,
             2 => c.segments = r.below(5) as u32,
             3 => c.payload.truncate(r.below(c.payload.len() + 1)),
-            4 => c.kind = [Kind::Image, Kind::Recipe, Kind::Preview][r.below(3)],
+            4 => c.kind = [Kind::Image, Kind::Reconstruction, Kind::Preview][r.below(3)],
             5 => changed.swap(k, pictures[r.below(pictures.len())]),
             _ => {
                 for _ in 0..1 + r.below(4) {

@@ -10,7 +10,7 @@ use lodestream::samples::{crumbs, soup, sphere, terrain};
 
 fn bytes(mesh: &Mesh, threads: usize) -> (Vec<u8>, Vec<u32>) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-    let encoded = pool.install(|| encode(mesh, &EncodeOptions::default(), &|_| {})).unwrap();
+    let encoded = pool.install(|| encode(mesh, &EncodeOptions::default())).unwrap();
     (encoded.bytes, encoded.map)
 }
 
@@ -24,7 +24,7 @@ fn any_number_of_threads_gives_the_same_attributes() {
         let f: Vec<u32> = f.iter().map(|v| v + first).collect();
         mesh.push_face(&f);
     }
-    let mesh = small::quantize_attributes(mesh, 8);
+    let mesh = small::with_attributes(mesh, 8);
     let one = bytes(&mesh, 1);
     let Ok(Parsed::Ready(front)) = FileIndex::parse(&one.0) else { panic!("a valid file") };
     assert!(front.chunks().iter().any(|c| c.kind == Kind::Segment && c.segments > 1), "several segments in a batch");

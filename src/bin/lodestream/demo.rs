@@ -7,7 +7,8 @@ use crate::progress::Bars;
 use crate::shared::{self, Machine};
 use crate::stream::Stream;
 use anyhow::{Context, Result, bail};
-use lodestream::encode::{self, EncodeOptions, Progress};
+use lodestream::encode::cost::Engine;
+use lodestream::encode::{self, Control, EncodeOptions, Progress};
 use lodestream::mesh::Mesh;
 use lodestream::quality::exact;
 use lodestream::quality::picture::{self, Picture, Shading, Tile, View};
@@ -64,7 +65,12 @@ pub fn run(args: &Args) -> Result<Outcome> {
         let bars = Bars::new(true);
         let start = Instant::now();
         let progress = |p: Progress| bars.show(stage_name(p.stage), p.done, p.total);
-        let encoded = encode::encode(&mesh, &EncodeOptions::default(), &progress)?;
+        let encoded = encode::encode_with(
+            &mesh,
+            &EncodeOptions::default(),
+            Engine::default(),
+            Control::new().progress(&progress),
+        )?;
         bars.finish();
         let encode_seconds = start.elapsed().as_secs_f64();
         let output = Output::create(&file)?;
@@ -123,7 +129,7 @@ fn decode_and_draw(
         wanted.filter_map(|n| (0..=full).min_by_key(|&level| vertices[level as usize].abs_diff(n))).collect();
     shown.dedup();
     let mut tiles = Vec::new();
-    let mut reached = stream.decode(full, Default::default(), bars, |level, decoder| {
+    let reached = stream.decode(full, Default::default(), bars, |level, decoder| {
         if shown.contains(&level) {
             let prefix = front.prefix_bytes(level).unwrap_or(0);
             let rate = bits_per_vertex(prefix, source.vertex_count()).unwrap_or(0.0);

@@ -7,12 +7,13 @@ use crate::progress::Bars;
 use crate::shared::{self, Input, Machine};
 use anyhow::{Context, Result};
 use clap::ValueEnum;
+use lodestream::encode::pipeline::Pipeline;
 use lodestream::encode::quality_order::{self, Effort, Order, Scheduled};
 use lodestream::encode::trace::Trace;
-use lodestream::encode::{self, EncodeOptions, EncodeReport, Encoded, ImageReport, Progress, Stage};
+use lodestream::encode::{Control, EncodeOptions, EncodeReport, Encoded, ImageReport, Progress, Stage};
 use lodestream::image::jpeg::{Exactness, Treatment, Unsupported};
-use lodestream::image::preview::{Previews, add_previews};
-use lodestream::image::recompress::{Recompressed, Sampling, Textures, recompress};
+use lodestream::image::preview::Previews;
+use lodestream::image::recompress::{Recompressed, Sampling, Textures};
 use lodestream::io::read::{DropSet, ReadMesh, ReadOptions};
 use lodestream::mesh::lattice::Quantization;
 use lodestream::mesh::quantizer::Precision;
@@ -108,18 +109,17 @@ pub struct PrecisionArgs {
 
 impl PrecisionArgs {
     pub fn options(&self, quantization: Quantization, lock_borders: bool) -> EncodeOptions {
-        EncodeOptions {
-            quantization,
-            lock_borders,
-            uv: match self.uv_step {
-                Some(step) => Precision::Step(step),
-                None => Precision::Bits(self.uv_bits.unwrap_or(12)),
-            },
-            normal_bits: self.normal_bits,
-            color_bits: self.color_bits,
-            scalar_bits: self.scalar_bits,
-            ..EncodeOptions::default()
-        }
+        let uv = match self.uv_step {
+            Some(step) => Precision::Step(step),
+            None => Precision::Bits(self.uv_bits.unwrap_or(12)),
+        };
+        EncodeOptions::default()
+            .quantization(quantization)
+            .lock_borders(lock_borders)
+            .uv(uv)
+            .normal_bits(self.normal_bits)
+            .color_bits(self.color_bits)
+            .scalar_bits(self.scalar_bits)
     }
 }
 
@@ -148,41 +148,41 @@ pub struct ImageArgs {
 impl ImageArgs {
     /// What becomes of images that are no JPEG.
     pub fn texture(&self) -> Textures {
-        self.texture.unwrap_or(Textures::beside(exactness(self.exact_images)))
+        self.texture.unwrap_or(Textures::beside(self.exactness()))
     }
 
-    /// Set the encoder's options.
-    pub fn set(&self, options: &mut EncodeOptions) {
-        options.images = exactness(self.exact_images);
+    /// What comes back of images.
+    pub fn exactness(&self) -> Exactness {
+        if self.exact_images { Exactness::Bytes } else { Exactness::Coefficients }
+    }
+
+    /// The way from a mesh to its file, with these options for the mesh.
+    pub fn pipeline(&self, mut options: EncodeOptions, memory_limit: Option<u64>) -> Pipeline {
+        options.images = self.exactness();
         if let Order::Fixed(schedule) = self.schedule {
             options.schedule = schedule;
         }
+        let looks = quality_order::Options {
+            effort: self.schedule_effort,
+            // The file is our own: what it takes has been there before.
+            memory_limit: memory_limit.unwrap_or(u64::MAX),
+            ..quality_order::Options::default()
+        };
+        Pipeline { encode: options, textures: self.texture(), previews: self.previews, order: self.schedule, looks }
     }
 
     /// Whether a finished file is to be put in the order by quality.
     pub fn by_quality(&self) -> bool {
         self.schedule == Order::Quality
     }
-
-    /// Put a finished file in the order by quality, where that is asked for.
-    pub fn order(&self, encoded: &mut Encoded, memory_limit: Option<u64>, bars: &Bars) -> Result<Option<Ordered>> {
-        if !self.by_quality() {
-            return Ok(None);
-        }
-        let clock = Instant::now();
-        let mut options = quality_order::Options { effort: self.schedule_effort, ..quality_order::Options::default() };
-        // The file is our own: what it takes has been there before.
-        options.memory_limit = memory_limit.unwrap_or(u64::MAX);
-        let show = |drawn: usize, all: usize| bars.show("order", drawn as u64, all as u64);
-        let mut scheduled = quality_order::by_quality(&encoded.bytes, &options, &show)?;
-        encoded.bytes = std::mem::take(&mut scheduled.bytes);
-        Ok(Some(Ordered { scheduled, seconds: shared::seconds(clock) }))
-    }
 }
 
-/// What comes back of images.
-fn exactness(bytes: bool) -> Exactness {
-    if bytes { Exactness::Bytes } else { Exactness::Coefficients }
+/// Put a finished file in the order by quality, where that is asked for.
+pub fn arrange(pipeline: &Pipeline, encoded: &mut Encoded, bars: &Bars) -> Result<Option<Ordered>> {
+    let clock = Instant::now();
+    let show = |drawn: usize, all: usize| bars.show("order", drawn as u64, all as u64);
+    let scheduled = pipeline.arrange(encoded, None, &show)?;
+    Ok(scheduled.map(|scheduled| Ordered { scheduled, seconds: shared::seconds(clock) }))
 }
 
 /// What the order by quality came to; the file itself has been taken.
@@ -302,8 +302,8 @@ pub fn run(args: &Args) -> Result<Outcome> {
     let output = Output::create(&args.output)?;
     let map = args.map.as_deref().map(Output::create).transpose()?;
     let bars = Bars::new(!args.json);
-    let mut options = args.precision.options(args.lattice.quantization(), args.lock_borders);
-    args.images.set(&mut options);
+    let options = args.precision.options(args.lattice.quantization(), args.lock_borders);
+    let pipeline = args.images.pipeline(options, args.machine.memory_limit);
     let name = shared::name(&args.input.path);
     args.machine.run(|threads| {
         let read_options = ReadOptions {
@@ -315,8 +315,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
         let read_seconds = shared::seconds(start);
         let warnings: Vec<String> = read.warnings.iter().map(ToString::to_string).collect();
         warnings.iter().for_each(|w| shared::warn(format!("{name}: {w}")));
-        let recompressed = recompress(&mut read.mesh.appearance, args.images.texture());
-        add_previews(&mut read.mesh.appearance, args.images.previews);
+        let recompressed = pipeline.prepare(&mut read.mesh.appearance);
         // Who asked for JPEG learns what is none; who did not, what is.
         let asked = args.images.texture.is_some();
         for image in recompressed.iter().filter(|i| i.outcome.is_err() == asked) {
@@ -326,9 +325,10 @@ pub fn run(args: &Args) -> Result<Outcome> {
         let progress = |p: Progress| bars.show(stage_name(p.stage), p.done, p.total);
         let trace = if args.trace.is_some() { Trace::on() } else { Trace::off() };
         let engine = args.device.engine(read.mesh.vertex_count(), threads, &trace);
-        let mut encoded = encode::encode_on(&read.mesh, &options, engine, &progress).with_context(|| name.clone())?;
-        let ordered =
-            args.images.order(&mut encoded, args.machine.memory_limit, &bars).with_context(|| name.clone())?;
+        let mut encoded = pipeline
+            .encode(&read.mesh, engine, None, Control::new().progress(&progress))
+            .with_context(|| name.clone())?;
+        let ordered = arrange(&pipeline, &mut encoded, &bars).with_context(|| name.clone())?;
         bars.finish();
         if let Some(why) = &encoded.report.fallback {
             device::fell_back(why);
@@ -398,7 +398,7 @@ fn account(encoded: &Encoded, seconds: [f64; 3]) -> Value {
             "geometry": kind(report.bits.geometry),
             "header": kind(report.bits.header),
             "points": kind(report.bits.points),
-            "aside": kind(report.bits.aside),
+            "degenerate": kind(report.bits.degenerate),
             "attributes": kind(report.bits.attributes),
             "appearance": kind(report.bits.appearance),
             "images": kind(report.bits.images),
@@ -494,7 +494,7 @@ fn summary(
         ("connectivity", report.bits.connectivity),
         ("geometry", report.bits.geometry),
         ("points", report.bits.points),
-        ("aside", report.bits.aside),
+        ("degenerate", report.bits.degenerate),
         ("attributes", report.bits.attributes),
         ("materials", report.bits.appearance),
         ("images", report.bits.images),

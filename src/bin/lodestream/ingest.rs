@@ -122,7 +122,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
         textures: args.images.texture(),
         previews: args.images.previews,
     };
-    args.images.set(&mut plan.settings.encode);
+    plan.settings.encode.images = args.images.exactness();
     plan.settings.set_order(args.images.schedule);
     plan.threads = args.threads.map_or(plan.threads, usize::from);
     plan.jobs = args.jobs.map_or(plan.threads, usize::from);

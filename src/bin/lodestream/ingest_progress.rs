@@ -1,6 +1,6 @@
 //! What `ingest` shows while it runs: bars on a terminal, one line per event elsewhere, JSON lines on request.
 //!
-//! All lines are `tracing` events on standard error; only their quantize_attributes differs.
+//! All lines are `tracing` events on standard error; only their form differs.
 
 use crate::shared;
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};

@@ -136,7 +136,7 @@ impl Stream {
     pub fn pictures(&mut self, decoder: &mut Decoder, limit: u64) -> Result<MissingImages> {
         for index in 0..self.front.chunks().len() {
             let info = self.front.chunks()[index];
-            if !matches!(info.kind, Kind::Appearance | Kind::Image | Kind::Recipe | Kind::Preview)
+            if !matches!(info.kind, Kind::Appearance | Kind::Image | Kind::Reconstruction | Kind::Preview)
                 || info.offset < self.bytes_read
             {
                 continue;

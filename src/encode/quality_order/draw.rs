@@ -175,7 +175,7 @@ impl<'a> Stage<'a> {
     fn decoder(&self) -> Result<Levels, ScheduleError> {
         let mut decoder = Decoder::new(DecodeOptions { memory_limit: self.memory_limit });
         decoder.push(self.file);
-        decoder.front()?;
+        decoder.index()?;
         for (index, &info) in self.front.chunks().iter().enumerate() {
             if info.kind == Kind::Appearance
                 && let Some(payload) = self.front.payload(self.file, index)?

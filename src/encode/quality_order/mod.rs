@@ -19,7 +19,9 @@ use self::draw::Stage;
 use self::plan::{Cell, Sizes};
 use self::surface::Surface;
 use crate::encode::Schedule;
-use crate::format::container::{Chunk, ChunkInfo, ContainerError, FileIndex, Kind, Parsed, Preview, write_borrowed};
+use crate::format::container::{
+    self, Chunk, ChunkInfo, ContainerError, FileIndex, Kind, Parsed, Preview, with_chunk, write_borrowed,
+};
 use crate::format::decoder::DecodeError;
 use crate::quality::SsimError;
 use std::collections::BTreeMap;
@@ -201,6 +203,16 @@ pub fn by_quality(
     options: &Options,
     progress: &(dyn Fn(usize, usize) + Sync),
 ) -> Result<Scheduled, ScheduleError> {
+    with_trailer(file, options, None, progress)
+}
+
+/// [`by_quality`], with a chunk behind all others, made for the number of the full level, that plays no part in what is planned.
+pub(super) fn with_trailer(
+    file: &[u8],
+    options: &Options,
+    trailer: Option<&dyn Fn(u32) -> Chunk>,
+    progress: &(dyn Fn(usize, usize) + Sync),
+) -> Result<Scheduled, ScheduleError> {
     let front = match FileIndex::parse(file)? {
         Parsed::Ready(front) => front,
         Parsed::NeedBytes(need) => {
@@ -215,11 +227,15 @@ pub fn by_quality(
     if sizes.images.len() < 2 {
         let curve =
             vec![Point { bytes: file.len() as u64, level: front.full_level(), pieces: 0, previews: 0, quality: 1.0 }];
-        return Ok(Scheduled { bytes: file.to_vec(), curve, drawn: 0, areas: Areas::default() });
+        let bytes = match trailer {
+            Some(make) => with_chunk(file, make)?,
+            None => file.to_vec(),
+        };
+        return Ok(Scheduled { bytes, curve, drawn: 0, areas: Areas::default() });
     }
     // The table takes a few bytes more or less in another order: what is planned does not depend on where the file comes from.
     let payload = sizes.base;
-    sizes.base += front_length(&layout.write(file, &front, &plan::mesh_first(&sizes))?)?;
+    sizes.base += layout.front_length(file, &front, &plan::mesh_first(&sizes))?;
     let last = sizes.last();
     let expected = 3 * (last.0 + last.1);
     let mut report = |drawn: usize| progress(drawn.min(expected), expected);
@@ -259,7 +275,10 @@ pub fn by_quality(
         texture_first: area(&known[1]),
         linear: area(&known[2]),
     };
-    let bytes = layout.write(file, &front, &chosen)?;
+    let last = trailer.map(|make| make(front.full_level()));
+    let mut chunks = layout.chunks(file, &front, &chosen)?;
+    chunks.extend(last.as_ref().map(Chunk::borrowed));
+    let bytes = write_borrowed(front.header(), &chunks)?;
     let base = front_length(&bytes)? + payload;
     let curve = chosen.iter().map(|&cell| {
         let there =
@@ -330,7 +349,7 @@ impl Layout {
                     None => mesh.push(vec![i]),
                 },
                 Kind::Levels | Kind::Segment => mesh.push(vec![i]),
-                Kind::Aside | Kind::ExtraAttributes => late.push(i),
+                Kind::Degenerate | Kind::ExtraAttributes => late.push(i),
                 Kind::Image if is_drawn(c.image as usize) => seen.push(i),
                 Kind::Image => unseen.push(i),
                 Kind::Preview => match previews.get(&i) {
@@ -338,7 +357,7 @@ impl Layout {
                     Some(_) => unseen_small.push(i),
                     None => rest.push(i),
                 },
-                Kind::Recipe | Kind::Other(_) => rest.push(i),
+                Kind::Reconstruction | Kind::Other(_) => rest.push(i),
             }
         }
         first.sort_by_key(|&i| chunks[i].kind != Kind::Base);
@@ -379,8 +398,19 @@ impl Layout {
         Sizes { base: bytes(&self.first), mesh: sums(&self.mesh), images: sums(&self.pieces) }
     }
 
-    /// The file with its chunks along a path.
-    fn write(&self, file: &[u8], front: &FileIndex, path: &[Cell]) -> Result<Vec<u8>, ScheduleError> {
+    /// Bytes before the first chunk of the file with its chunks along a path.
+    fn front_length(&self, file: &[u8], front: &FileIndex, path: &[Cell]) -> Result<u64, ScheduleError> {
+        let chunks = self.chunks(file, front, path)?;
+        Ok(container::front_of(front.header(), &chunks)?.len() as u64)
+    }
+
+    /// The chunks of the file along a path.
+    fn chunks<'f>(
+        &self,
+        file: &'f [u8],
+        front: &FileIndex,
+        path: &[Cell],
+    ) -> Result<Vec<Chunk<&'f [u8]>>, ScheduleError> {
         let steps = path.windows(2).flat_map(|pair| match (pair[0], pair[1]) {
             ((l, _), (m, _)) if m > l => &self.mesh[l],
             ((_, s), _) => &self.pieces[s],
@@ -392,7 +422,7 @@ impl Layout {
             let mut chunk = front.chunks()[index].chunk(payload);
             match chunk.kind {
                 // Where it stands.
-                Kind::Appearance | Kind::Image | Kind::Recipe | Kind::Preview => {
+                Kind::Appearance | Kind::Image | Kind::Reconstruction | Kind::Preview => {
                     (chunk.first_level, chunk.last_level) = (level, level)
                 }
                 Kind::Other(_) => {}
@@ -400,7 +430,7 @@ impl Layout {
             }
             chunks.push(chunk);
         }
-        Ok(write_borrowed(front.header(), &chunks)?)
+        Ok(chunks)
     }
 }
 

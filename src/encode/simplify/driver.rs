@@ -6,9 +6,12 @@
 //! Where a device weighs, the processor bounds the error of the batch before (which nothing but the next bounds reads) and
 //! makes its record meanwhile; otherwise one follows the other, and the finer level is let go first.
 
+use super::error::bound_errors;
 use super::history::{History, StoredBatch};
-use super::{SelectInput, SelectOptions, select};
-use crate::encode::cost::{Carried, Engine, SeamInput, WeighInput, Weigher, add_seams, dirty_vertices};
+use super::select::{SelectInput, SelectOptions, select};
+use super::wedges::collapse_wedges;
+use crate::encode::cost::{Carried, Engine, Fixed, SeamInput, WeighInput, Weigher, add_seams, dirty_vertices};
+use crate::encode::trace::Trace;
 use crate::format::complex::{Attributes, Coarsened, Level, NONE, Placement, Star, coarsen};
 use crate::format::split::neighbourhood::mean_edge;
 use std::time::Instant;
@@ -50,12 +53,12 @@ impl Default for SimplifyOptions {
 const FEW: usize = 32;
 
 /// Simplify `level`, whose wedges are numbered by `attributes`, down to its base, on the processor. `progress` hears how
-/// many vertices are left.
+/// many vertices are left, and says whether to go on.
 pub fn simplify(
     level: Level,
     attributes: Attributes,
     options: &SimplifyOptions,
-    progress: &(dyn Fn(u64) + Sync),
+    progress: &(dyn Fn(u64) -> bool + Sync),
 ) -> History {
     simplify_on(level, attributes, options, Engine::default(), progress)
 }
@@ -66,75 +69,157 @@ pub fn simplify_on(
     attributes: Attributes,
     options: &SimplifyOptions,
     engine: Engine,
-    progress: &(dyn Fn(u64) + Sync),
+    progress: &(dyn Fn(u64) -> bool + Sync),
 ) -> History {
-    let total = level.positions.len();
-    let (anchor, diagonal) = frame(&level.positions);
-    let mut exact: Vec<[f32; 3]> =
-        level.positions.iter().map(|p| std::array::from_fn(|k| (p[k] - anchor[k]) as f32)).collect();
-    let mut star = Star::build(total, &level.faces);
-    let mut locked = options.lock_borders.then(|| border_vertices(&level, &star));
-    let mut error = vec![0f32; total];
-    let mut history = History {
-        vertex_slot: (0..total as u32).collect(),
-        face_slot: (0..level.faces.len() as u32).collect(),
-        base: level,
-        labels: attributes.labels.clone(),
-        attributes,
-        batches: Vec::new(),
-        edges_weighed: 0,
-        seconds: [0.0; 3],
-        weighed_by: engine.evaluator.name(),
-        fallback: None,
-    };
-    let Engine { evaluator, trace } = engine;
-    let mut weigher = Weigher::with(diagonal, evaluator, trace.clone());
-    // Whether the level at hand has been weighed beside the batch before.
-    let mut weighed_already = false;
-    let mut carried: Option<(Vec<u32>, Vec<bool>)> = None;
+    let mut simplifier = Simplifier::new(level, attributes, options, engine);
     loop {
-        let level = &history.base;
-        let n = level.positions.len();
+        simplifier.weigh();
+        let batch = simplifier.select();
+        if batch.edges.is_empty() && batch.leaving.is_empty() {
+            break;
+        }
+        simplifier.collapse(&batch);
+        if !progress(simplifier.history.base.positions.len() as u64) {
+            simplifier.history.cancelled = true;
+            break;
+        }
+    }
+    simplifier.finish()
+}
+
+/// What goes between one level and the next coarser one.
+struct Selected {
+    /// The edges that collapse, independent, in increasing order.
+    edges: Vec<[u32; 2]>,
+    /// Isolated vertices that leave.
+    leaving: Vec<u32>,
+}
+
+/// A level on its way down.
+struct Simplifier<'a> {
+    options: &'a SimplifyOptions,
+    trace: Trace,
+    /// Vertices of the full level.
+    total: usize,
+    /// What positions are relative to, so that `f32` is precise.
+    anchor: [i32; 3],
+    weigher: Weigher,
+    /// Positions of the level at hand without rounding, relative to `anchor`.
+    exact: Vec<[f32; 3]>,
+    star: Star,
+    /// Vertices that must not move.
+    locked: Option<Vec<bool>>,
+    /// The bound of the error at each vertex, in steps.
+    error: Vec<f32>,
+    /// The level at hand, `base`, and what led to it.
+    history: History,
+    /// Whether the level at hand was weighed beside the batch before.
+    weighed_already: bool,
+    /// Where the level's vertices were in the finer one, and which of them have new edges.
+    carried: Option<(Vec<u32>, Vec<bool>)>,
+}
+
+impl<'a> Simplifier<'a> {
+    fn new(level: Level, attributes: Attributes, options: &'a SimplifyOptions, engine: Engine) -> Self {
+        let total = level.positions.len();
+        let (anchor, diagonal) = frame(&level.positions);
+        let Engine { evaluator, trace } = engine;
+        let star = Star::build(total, &level.faces);
+        Simplifier {
+            options,
+            total,
+            anchor,
+            exact: level.positions.iter().map(|p| std::array::from_fn(|k| (p[k] - anchor[k]) as f32)).collect(),
+            locked: options.lock_borders.then(|| border_vertices(&level, &star)),
+            star,
+            error: vec![0f32; total],
+            history: History {
+                vertex_slot: (0..total as u32).collect(),
+                face_slot: (0..level.faces.len() as u32).collect(),
+                base: level,
+                labels: attributes.labels.clone(),
+                attributes,
+                batches: Vec::new(),
+                edges_weighed: 0,
+                seconds: [0.0; 3],
+                weighed_by: evaluator.name(),
+                fallback: None,
+                cancelled: false,
+            },
+            weigher: Weigher::with(diagonal, evaluator, trace.clone()),
+            trace,
+            weighed_already: false,
+            carried: None,
+        }
+    }
+
+    /// Weigh the edges of the level, unless that was done beside the batch before.
+    fn weigh(&mut self) {
         let clock = Instant::now();
-        if !weighed_already {
-            let input = WeighInput { faces: &level.faces, star: &star, positions: &exact, locked: locked.as_deref() };
-            weigher.weigh(input, carried.as_ref().map(|(old, dirty)| Carried { old_of_new: old, dirty }));
+        if !self.weighed_already {
+            let input = WeighInput {
+                faces: &self.history.base.faces,
+                star: &self.star,
+                positions: &self.exact,
+                locked: self.locked.as_deref(),
+            };
+            self.weigher.weigh(input, self.carried.as_ref().map(|(old, dirty)| Carried { old_of_new: old, dirty }));
         }
-        let mut seamed = Vec::new();
-        if !options.seams.is_empty() || !history.attributes.labels.is_empty() {
-            let _span = trace.span("loop", "add seams");
-            seamed = weigher.weights().to_vec();
-            let attributes = &history.attributes;
-            let (faces, layers) = (&level.faces, &options.seams[..]);
-            let input = SeamInput { faces, star: &star, positions: &exact, attributes, layers };
-            add_seams(&input, weigher.edges(), &weigher.scale(), &mut seamed);
+        self.history.seconds[0] += clock.elapsed().as_secs_f64();
+    }
+
+    /// The weights with what collapses do to seams, where there are any to protect.
+    fn weights_with_seams(&self) -> Option<Vec<Fixed>> {
+        let attributes = &self.history.attributes;
+        if self.options.seams.is_empty() && attributes.labels.is_empty() {
+            return None;
         }
-        let weighed = Instant::now();
-        let span = trace.span("loop", "select");
+        let _span = self.trace.span("loop", "add seams");
+        let mut weights = self.weigher.weights().to_vec();
+        let (faces, layers) = (&self.history.base.faces, &self.options.seams[..]);
+        let input = SeamInput { faces, star: &self.star, positions: &self.exact, attributes, layers };
+        add_seams(&input, self.weigher.edges(), &self.weigher.scale(), &mut weights);
+        Some(weights)
+    }
+
+    /// The independent set of edges that collapses, and the isolated vertices that leave.
+    fn select(&mut self) -> Selected {
+        let clock = Instant::now();
+        let seamed = self.weights_with_seams();
+        let selecting = Instant::now();
+        let _span = self.trace.span("loop", "select");
+        let (level, slots) = (&self.history.base, &self.history.vertex_slot);
+        let options = SelectOptions {
+            factor: self.options.factor,
+            least: 1 + level.positions.len() / 128,
+            ..SelectOptions::default()
+        };
         let chosen = select(
             SelectInput {
                 faces: &level.faces,
-                star: &star,
-                edges: weigher.edges(),
-                weights: if seamed.is_empty() { weigher.weights() } else { &seamed },
-                slots: &history.vertex_slot,
+                star: &self.star,
+                edges: self.weigher.edges(),
+                weights: seamed.as_deref().unwrap_or(self.weigher.weights()),
+                slots,
             },
-            &SelectOptions { factor: options.factor, least: 1 + n / 128, ..SelectOptions::default() },
+            &options,
         );
-        let mut edges: Vec<[u32; 2]> = chosen.iter().map(|&e| weigher.edges().ends(e).into()).collect();
+        let mut edges: Vec<[u32; 2]> = chosen.iter().map(|&e| self.weigher.edges().ends(e).into()).collect();
         edges.sort_unstable();
-        let leaving = leaving(&star, &history.vertex_slot, edges.is_empty());
-        drop(span);
-        let selected = Instant::now();
-        history.seconds[0] += (weighed - clock).as_secs_f64();
-        history.seconds[1] += (selected - weighed).as_secs_f64();
-        if edges.is_empty() && leaving.is_empty() {
-            break;
-        }
+        let leaving = leaving(&self.star, slots, edges.is_empty());
+        self.history.seconds[0] += (selecting - clock).as_secs_f64();
+        self.history.seconds[1] += selecting.elapsed().as_secs_f64();
+        Selected { edges, leaving }
+    }
+
+    /// Where merged vertices lie, and the precision of the coarser level.
+    fn placement(&self, collapses: usize) -> Placement {
+        let (options, level) = (self.options, &self.history.base);
+        let (n, total) = (level.positions.len(), self.total);
         let edge_steps = mean_edge(&level.positions, &level.faces) >> 8;
         let mut shift = level.shift;
         // Where most of the vertices are, bits that come raw cost more than they save, and values of attributes are told from positions.
-        let coarse = (n - edges.len()) as u64 * 8 <= total as u64;
+        let coarse = (n - collapses) as u64 * 8 <= total as u64;
         let least = if coarse { options.edge_steps } else { options.fine_edge_steps };
         // Borders that must not move cannot lose bits either: the tile beside this one would lose others.
         while !options.lock_borders
@@ -145,58 +230,73 @@ pub fn simplify_on(
             shift += 1;
         }
         let alpha = if n as u64 * 256 <= total as u64 * options.alpha_share as u64 { options.alpha } else { 0 };
-        let placement = Placement { shift, alpha, bias: history.batches.len() as i32 & 1 };
-        let mut span = trace.span("loop", "collapse");
-        span.items(edges.len() as u64);
-        let c = coarsen(level, &star, &edges, &leaving, placement);
-        let mut stored = StoredBatch::new(&c, level, &history.vertex_slot, &history.face_slot, placement);
+        Placement { shift, alpha, bias: self.history.batches.len() as i32 & 1 }
+    }
+
+    /// Collapse a batch: the level becomes the coarser one, and the history learns the way back.
+    fn collapse(&mut self, batch: &Selected) {
+        let clock = Instant::now();
+        let placement = self.placement(batch.edges.len());
+        let mut span = self.trace.span("loop", "collapse");
+        span.items(batch.edges.len() as u64);
+        let history = &mut self.history;
+        let c = coarsen(&history.base, &self.star, &batch.edges, &batch.leaving, placement);
+        let mut stored = StoredBatch::new(&c, &history.base, &history.vertex_slot, &history.face_slot, placement);
         if !history.attributes.layers.is_empty() || !history.attributes.labels.is_empty() {
             let fine = std::mem::take(&mut history.attributes);
             let faces = &history.base.faces;
             (history.attributes, stored.layers) =
-                super::wedges::follow(&c, faces, &star, fine, &history.face_slot, placement.bias);
+                collapse_wedges(&c, faces, &self.star, fine, &history.face_slot, placement.bias);
         }
-        let level = &history.base;
-        exact = follow(&c, &exact, level);
+        self.exact = merge_positions(&c, &self.exact, &history.base);
         let old_of_new = first_of(&c);
         history.vertex_slot = old_of_new.iter().map(|&v| history.vertex_slot[v as usize]).collect();
         history.face_slot = c.element.iter().map(|&f| history.face_slot[f as usize]).collect();
-        if let Some(l) = &mut locked {
+        if let Some(l) = &mut self.locked {
             *l = old_of_new.iter().map(|&v| l[v as usize]).collect();
         }
         let dirty = dirty_vertices(&c.level.faces, &c.star, &c.batch.vertex);
         drop(span);
+        let known = Carried { old_of_new: &old_of_new, dirty: &dirty };
+        self.bound_and_weigh(&c, &mut stored, known);
+        self.carried = Some((old_of_new, dirty));
+        self.history.batches.push(stored);
+        self.star = c.star;
+        self.history.base = c.level;
+        self.history.seconds[2] += clock.elapsed().as_secs_f64();
+    }
+
+    /// Bound the errors of the coarser level, and beside that weigh its edges if somebody else does it.
+    fn bound_and_weigh(&mut self, c: &Coarsened, stored: &mut StoredBatch, known: Carried) {
+        let Simplifier { trace, history, star, error, anchor, weigher, exact, locked, .. } = self;
+        let fine = &history.base;
         let mut bound = || {
             let _span = trace.span("loop", "bound errors");
-            error = super::error::follow(&c, level, &star, &error, anchor);
+            *error = bound_errors(c, fine, star, error, *anchor);
             stored.error = error.iter().fold(0f32, |a, &b| a.max(b)) as f64;
         };
-        weighed_already = weigher.evaluator().beside();
-        if weighed_already {
-            let input =
-                WeighInput { faces: &c.level.faces, star: &c.star, positions: &exact, locked: locked.as_deref() };
-            let known = Carried { old_of_new: &old_of_new, dirty: &dirty };
-            let weigh = || {
-                let clock = Instant::now();
-                weigher.weigh(input, Some(known));
-                clock.elapsed().as_secs_f64()
-            };
-            let (_, seconds) = rayon::join(bound, weigh);
-            history.seconds[0] += seconds;
-        } else {
+        self.weighed_already = weigher.evaluator().beside();
+        if !self.weighed_already {
             bound();
+            return;
         }
-        carried = Some((old_of_new, dirty));
-        history.batches.push(stored);
-        star = c.star;
-        history.base = c.level;
-        history.seconds[2] += selected.elapsed().as_secs_f64();
-        progress(history.base.positions.len() as u64);
+        let input = WeighInput { faces: &c.level.faces, star: &c.star, positions: exact, locked: locked.as_deref() };
+        let weigh = || {
+            let clock = Instant::now();
+            weigher.weigh(input, Some(known));
+            clock.elapsed().as_secs_f64()
+        };
+        let (_, seconds) = rayon::join(bound, weigh);
+        history.seconds[0] += seconds;
     }
-    history.edges_weighed = weigher.weighed();
-    history.weighed_by = weigher.evaluator().name();
-    history.fallback = weigher.fallback().map(str::to_string);
-    history
+
+    fn finish(self) -> History {
+        let mut history = self.history;
+        history.edges_weighed = self.weigher.weighed();
+        history.weighed_by = self.weigher.evaluator().name();
+        history.fallback = self.weigher.fallback().map(str::to_string);
+        history
+    }
 }
 
 /// An integer point in the middle of the box, and the length of its diagonal (at least 1).
@@ -253,7 +353,7 @@ fn first_of(c: &Coarsened) -> Vec<u32> {
 }
 
 /// Positions without rounding: the merged vertex lies at the midpoint, plus what curvature compensation added.
-fn follow(c: &Coarsened, exact: &[[f32; 3]], fine: &Level) -> Vec<[f32; 3]> {
+fn merge_positions(c: &Coarsened, exact: &[[f32; 3]], fine: &Level) -> Vec<[f32; 3]> {
     let mut out: Vec<[f32; 3]> = first_of(c).iter().map(|&v| exact[v as usize]).collect();
     let down = c.level.shift - fine.shift;
     for (i, &[a, b]) in c.pairs.iter().enumerate() {

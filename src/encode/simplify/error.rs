@@ -19,7 +19,7 @@ use std::collections::HashMap;
 const CHUNK: usize = 512;
 
 /// Bounds of the coarser level's vertices, in steps of the full level, from those of the finer level.
-pub fn follow(c: &Coarsened, fine: &Level, star: &Star, error: &[f32], anchor: [i32; 3]) -> Vec<f32> {
+pub fn bound_errors(c: &Coarsened, fine: &Level, star: &Star, error: &[f32], anchor: [i32; 3]) -> Vec<f32> {
     let shift = c.level.shift as u32;
     let down = shift - fine.shift as u32;
     let half = ((1u32 << shift) - 1) as f32 / 2.0;

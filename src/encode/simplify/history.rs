@@ -36,9 +36,9 @@ pub struct StoredBatch {
     pub edge_start: Vec<u32>,
     /// The slots of the dangling edges that appear.
     pub edges: Vec<u32>,
-    /// The slots of the new_vertices.
+    /// The slots of the new vertices.
     pub new_vertices: Vec<u32>,
-    /// Where the new_vertices lie, in steps of the coarser level.
+    /// Where the new vertices lie, in steps of the coarser level.
     pub new_vertex_positions: Vec<[i32; 3]>,
     /// The shift of the finer level.
     pub shift: u8,
@@ -139,4 +139,6 @@ pub struct History {
     pub weighed_by: String,
     /// Why the one who was to weigh did not go on.
     pub fallback: Option<String>,
+    /// Whether the caller stopped it: there are coarser levels.
+    pub cancelled: bool,
 }

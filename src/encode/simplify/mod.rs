@@ -3,14 +3,12 @@
 mod driver;
 mod error;
 mod history;
-mod levels;
 mod order;
 mod select;
 mod wedges;
 
 pub use driver::{SimplifyOptions, simplify, simplify_on};
 pub use history::{History, StoredBatch, StoredTriangle};
-pub use levels::{EncodedLevels, LevelsError, Piece, encode_levels};
 pub use order::reorder;
 pub use select::{SelectInput, SelectOptions, select};
 

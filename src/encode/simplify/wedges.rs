@@ -153,7 +153,7 @@ fn merges(faces: &Faces, star: &Star, layer: &Wedges, pairs: &[[u32; 2]], bias: 
 }
 
 /// Follow a batch: the attributes of the coarser level, whose wedges go by slots, and what leads back.
-pub fn follow(
+pub fn collapse_wedges(
     c: &Coarsened,
     faces: &Faces,
     star: &Star,

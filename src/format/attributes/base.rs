@@ -1,10 +1,9 @@
-//! Attributes that no split tells: those of the base level, of elements that travel aside, and of isolated vertices.
+//! Attributes that no split tells: those of the base level, of degenerate faces, and of isolated vertices.
 
 use super::values::{Far, VALUE_LIMIT, Value, ValueModels, WIDTH, code_far};
-use super::{MAX_LAYERS, Scheme};
+use crate::format::coder::InvalidStream;
 use crate::format::coder::range::{Bit, Coder};
-use crate::format::complex::{Attributes, Faces, MAX_WEDGES, NONE, Wedges};
-use crate::format::split::segment::InvalidStream;
+use crate::format::complex::{Attributes, Faces, MAX_LAYERS, MAX_WEDGES, NONE, Scheme, Wedges};
 
 /// Wedges of a vertex that are considered; a further corner gets a wedge of its own.
 const NEAR: usize = 64;
@@ -152,10 +151,10 @@ pub fn code_base_layers<C: Coder>(
     Ok(names)
 }
 
-/// Values outside the complex: of elements that travel aside, and of vertices that no element names.
+/// Values outside the complex: of degenerate faces, and of vertices that no element names.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ExtraAttributes {
-    /// The labels of the elements aside; empty where all have label 0.
+    /// The labels of the degenerate faces; empty where all have label 0.
     pub labels: Vec<u16>,
     /// For each layer a value for each corner aside; `None` where the label leaves it out.
     pub corners: Vec<Vec<Option<Value>>>,
@@ -170,22 +169,22 @@ pub struct ExtraAttributes {
 pub fn code_extra_attributes<C: Coder>(
     coder: &mut C,
     scheme: &Scheme,
-    aside: &Faces,
+    degenerate: &Faces,
     isolated: usize,
-    lone: &mut ExtraAttributes,
+    extra: &mut ExtraAttributes,
 ) -> Result<(), InvalidStream> {
     let mut models = Models::default();
-    code_labels(coder, &mut models, scheme, &mut lone.labels, aside.len())?;
-    let source = std::mem::take(lone);
-    lone.labels.clone_from(&source.labels);
+    code_labels(coder, &mut models, scheme, &mut extra.labels, degenerate.len())?;
+    let source = std::mem::take(extra);
+    extra.labels.clone_from(&source.labels);
     for (l, &width) in scheme.widths.iter().enumerate() {
         let mut values = ValueModels::new(width);
         let given = |list: &Vec<Vec<Option<Value>>>, i: usize| list.get(l).and_then(|c| c.get(i).copied()).flatten();
-        let mut corners = Vec::with_capacity(aside.corners.len());
-        for f in 0..aside.len() {
+        let mut corners = Vec::with_capacity(degenerate.corners.len());
+        for f in 0..degenerate.len() {
             ends_early(coder)?;
-            let label = lone.labels.get(f).copied().unwrap_or(0);
-            for k in aside.start[f]..aside.start[f + 1] {
+            let label = extra.labels.get(f).copied().unwrap_or(0);
+            for k in degenerate.start[f]..degenerate.start[f + 1] {
                 corners.push(if scheme.has(label, l) {
                     let value = given(&source.corners, k as usize).unwrap_or_default();
                     let guess = values.last;
@@ -195,7 +194,7 @@ pub fn code_extra_attributes<C: Coder>(
                 });
             }
         }
-        lone.corners.push(corners);
+        extra.corners.push(corners);
         let mut list = Vec::with_capacity(isolated);
         models.present = Bit::default();
         for i in 0..isolated {
@@ -208,7 +207,7 @@ pub fn code_extra_attributes<C: Coder>(
                 None
             });
         }
-        lone.isolated.push(list);
+        extra.isolated.push(list);
     }
     Ok(())
 }

@@ -1,13 +1,12 @@
 //! Which wedges the corners around the children of a split get.
 
+use super::given::{GivenLayer, Keys, Named};
 use super::scratch::{Group, LayerScratch, push_local};
-use super::values::{Frame, LayerNeighbourhood, Value, ValueModels, WIDTH};
-use super::{AttributeModels, ElementCorners, Keys, LabelModels, SplitAttributes};
+use super::values::{LayerNeighbourhood, Value, ValueModels, WIDTH};
+use crate::format::coder::InvalidStream;
 use crate::format::coder::range::{Bit, Coder};
-use crate::format::complex::{AttributeBatch, NONE, Side, Split, WedgeBatch};
-use crate::format::split::fan::Shape;
-use crate::format::split::neighbourhood::{LevelGeometry, Neighbourhood};
-use crate::format::split::segment::{InvalidStream, Source};
+use crate::format::complex::{NONE, Side, Split, WedgeBatch};
+use crate::format::split::neighbourhood::LevelGeometry;
 use std::sync::atomic::AtomicU64;
 
 /// Adaptive models of the structure of one layer.
@@ -44,165 +43,14 @@ impl Default for StructureModels {
     }
 }
 
-/// Buffers reused from split to split.
-#[derive(Clone, Debug, Default)]
-pub struct AttributeScratch {
-    quantize_attributes: SplitAttributes,
-    spokes: Vec<ElementCorners>,
-    /// Neighbour, spoke, corner of the neighbour, in order; for splits with many triangles.
-    index: Vec<(u32, u32, u32)>,
-    layer: LayerScratch,
-}
-
-/// Triangles from which on neighbours are looked up in an index.
-const MANY: usize = 8;
 /// Elements that appear whose places are kept.
 const KEPT: usize = 4;
 /// Elements around an apex whose wedges are considered, new wedges at apexes too, and elements beside one that appears.
 pub(super) const NEAR: usize = 64;
 
-/// Code the attributes of the split of `patch.vertex`, appending to `out`. `room` is, for a decoder, how many wedges each layer may still gain
-/// in all segments of the batch; an encoder's is empty.
-#[allow(clippy::too_many_arguments)]
-pub fn code_attributes<C: Coder, S: Source>(
-    coder: &mut C,
-    models: &mut AttributeModels,
-    scratch: &mut AttributeScratch,
-    view: &LevelGeometry,
-    patch: &Neighbourhood,
-    split: &Split,
-    delta: [i32; 3],
-    bias: i32,
-    room: &[AtomicU64],
-    source: &mut S,
-    out: &mut AttributeBatch,
-) -> Result<(), InvalidStream> {
-    let scheme = view.scheme;
-    let AttributeScratch { quantize_attributes, spokes, index, layer: rest } = scratch;
-    if !C::DECODING {
-        source.quantize_attributes(view, patch.vertex, split, quantize_attributes);
-    }
-    let faces = &view.level.faces;
-    let star = view.star.get(patch.vertex);
-    spokes.clear();
-    spokes.extend(patch.around.spokes.iter().map(|s| {
-        let f = star[s.place as usize];
-        let (start, end) = (faces.start[f as usize], faces.start[f as usize + 1]);
-        let v = patch.vertex;
-        let at = match faces.get(f) {
-            // Which corner it is cannot be guessed.
-            &[_, b, c] => (b == v) as u32 + 2 * (c == v) as u32,
-            corners => corners.iter().position(|&x| x == v).unwrap_or(0) as u32,
-        };
-        let own = start + at;
-        let next = if own + 1 == end { start } else { own + 1 };
-        let prev = if at == 0 { end - 1 } else { own - 1 };
-        ElementCorners { place: s.place, own, next, prev }
-    }));
-    let many = split.triangles.len() > MANY;
-    if many {
-        index.clear();
-        for (k, s) in spokes.iter().enumerate() {
-            index.push((faces.corners[s.next as usize], k as u32, s.next));
-            if s.prev != s.next {
-                index.push((faces.corners[s.prev as usize], k as u32, s.prev));
-            }
-        }
-        index.sort_unstable();
-    }
-    // The spokes beside each element that appears, and their corners at its apex.
-    let beside = |t: usize, adjacent: &mut Vec<(u32, u32)>| {
-        adjacent.clear();
-        let Some(triangle) = split.triangles.get(t) else {
-            adjacent.extend(spokes.first().map(|s| (0, s.own)));
-            return;
-        };
-        let x = triangle.apex;
-        let around = &patch.around;
-        if around.shape != Shape::General {
-            // Element `k` of a fan runs from edge `k` to edge `k + 1`.
-            let Some(k) = around.ring.iter().position(|&y| y == x) else { return };
-            let n = spokes.len();
-            let before = if k > 0 { Some(k - 1) } else { (around.shape == Shape::Closed).then_some(n - 1) };
-            let before = before.map(|b| (b as u32, spokes[b].prev));
-            let behind = spokes.get(k).map(|s| (k as u32, s.next));
-            // In order of elements.
-            let (one, two) = if k > 0 { (before, behind) } else { (behind, before) };
-            adjacent.extend(one.into_iter().chain(two));
-        } else if many {
-            let from = index.partition_point(|e| e.0 < x);
-            adjacent.extend(index[from..].iter().take_while(|e| e.0 == x).take(NEAR).map(|e| (e.1, e.2)));
-        } else {
-            let at = |(k, s): (usize, &ElementCorners)| {
-                let corner = [s.next, s.prev].into_iter().find(|&c| faces.corners[c as usize] == x)?;
-                Some((k as u32, corner))
-            };
-            adjacent.extend(spokes.iter().enumerate().filter_map(at).take(NEAR));
-        }
-    };
-    let inserted = split.triangles.len() + split.edges as usize;
-    let labels = out.labels.len();
-    if scheme.presence.len() > 1 {
-        let mut last = 0u16;
-        for t in 0..inserted {
-            ends_early(coder)?;
-            beside(t, &mut rest.adjacent);
-            let adjacent = &rest.adjacent;
-            let label = |k: u32| {
-                let place = spokes[k as usize].place;
-                view.attributes.labels.get(star[place as usize] as usize).copied().unwrap_or(0)
-            };
-            let first = adjacent.first().map_or(last, |a| label(a.0));
-            let second = adjacent.iter().map(|a| label(a.0)).find(|&l| l != first);
-            let context = if adjacent.is_empty() { 2 } else { second.is_some() as usize };
-            let wanted = quantize_attributes.labels.get(t).copied().unwrap_or(0);
-            last = code_label(coder, &mut models.labels, context, first, second, scheme.presence.len(), wanted);
-            out.labels.push(last);
-        }
-    }
-    let frame = Frame::new(patch, delta);
-    let bias = bias & 1;
-    for (l, (wedges, (structure, values))) in view.attributes.layers.iter().zip(&mut models.layers).enumerate() {
-        let none = Keys::default();
-        let keys = quantize_attributes.layers.get(l).filter(|_| !C::DECODING).unwrap_or(&none);
-        let sight = &LayerNeighbourhood {
-            positions: &view.level.positions,
-            names: &faces.corners,
-            wedges,
-            patch,
-            frame: &frame,
-            spokes,
-        };
-        let mut job = Job { coder, structure, values, view, sight, l, split, bias, keys, room };
-        let has = |t: usize| scheme.has(out.labels.get(labels + t).copied().unwrap_or(0), l);
-        job.run(rest, source, &mut out.layers[l], star.len(), inserted, &has, &beside)?;
-    }
-    Ok(())
-}
-
 /// A split may say that very much appears: behind its end a stream is all zeros, no reason to go on with it.
-fn ends_early<C: Coder>(coder: &C) -> Result<(), InvalidStream> {
+pub(super) fn ends_early<C: Coder>(coder: &C) -> Result<(), InvalidStream> {
     if coder.overrun() { Err(InvalidStream("a segment that ends too early")) } else { Ok(()) }
-}
-
-fn code_label<C: Coder>(
-    coder: &mut C,
-    m: &mut LabelModels,
-    context: usize,
-    first: u16,
-    second: Option<u16>,
-    labels: usize,
-    wanted: u16,
-) -> u16 {
-    if coder.bit(&mut m.same[context], wanted == first) {
-        return first;
-    }
-    if let Some(second) = second
-        && coder.bit(&mut m.second, wanted == second)
-    {
-        return second;
-    }
-    coder.uniform(labels as u32, wanted as u32) as u16
 }
 
 /// Lists for an element that appears the spokes beside it, and their corners at its apex.
@@ -219,7 +67,11 @@ pub(super) struct Job<'a, C> {
     pub(super) split: &'a Split,
     pub(super) bias: i32,
     pub(super) keys: &'a Keys,
-    pub(super) room: &'a [AtomicU64],
+    /// What an encoder knows of the layer.
+    pub(super) given: Option<&'a GivenLayer<'a>>,
+    pub(super) named: &'a mut Named,
+    /// Wedges that each layer may still gain; empty for an encoder.
+    pub(super) wedge_budget: &'a [AtomicU64],
 }
 
 /// The key of a corner that an encoder has not been told; never asked for in earnest.
@@ -236,6 +88,16 @@ impl<C: Coder> Job<'_, C> {
 
     pub(super) fn inserted_key(&self, t: usize) -> [u32; 3] {
         self.keys.inserted.get(t).copied().unwrap_or([UNKNOWN; 3])
+    }
+
+    /// The encoder's key of wedge `w` of the coarser level.
+    pub(super) fn key_of(&self, w: u32) -> u32 {
+        self.given.map_or(UNKNOWN, |layer| layer.key(w))
+    }
+
+    /// The encoder's value at the finer level of the wedge with this key; a decoder has yet to read it.
+    pub(super) fn value_of(&self, key: u32) -> Value {
+        self.given.map_or([0; WIDTH], |layer| layer.value(key))
     }
 
     pub(super) fn own_value(&self, w: u32) -> Value {
@@ -258,10 +120,9 @@ impl<C: Coder> Job<'_, C> {
     }
 
     #[allow(clippy::too_many_arguments)]
-    fn run<S: Source>(
+    pub(super) fn run(
         &mut self,
         s: &mut LayerScratch,
-        source: &mut S,
         out: &mut WedgeBatch,
         elements: usize,
         inserted: usize,
@@ -321,7 +182,7 @@ impl<C: Coder> Job<'_, C> {
         s.inserted.clear();
         s.inserted.resize(inserted, [NONE; 3]);
         if !s.groups.is_empty() || any {
-            self.corners(s, source, out, inserted, torn, has, beside)?;
+            self.corners(s, out, inserted, torn, has, beside)?;
         }
 
         // The record, in the order of the star.
@@ -350,10 +211,9 @@ impl<C: Coder> Job<'_, C> {
 
     /// The wedges of the corners, some of which have values; `torn` elements that appear have a choice what to continue.
     #[allow(clippy::too_many_arguments)]
-    fn corners<S: Source>(
+    fn corners(
         &mut self,
         s: &mut LayerScratch,
-        source: &mut S,
         out: &mut WedgeBatch,
         inserted: usize,
         torn: usize,
@@ -370,7 +230,7 @@ impl<C: Coder> Job<'_, C> {
             3
         };
         let context = crowd * 4 + torn.min(3);
-        let regular = !C::DECODING && self.is_regular(s, source, inserted, has, beside);
+        let regular = !C::DECODING && self.is_regular(s, inserted, has, beside);
         let regular = self.coder.bit(&mut self.structure.regular[context], regular);
         for g in &mut s.groups {
             *g = Group::of(g.w);
@@ -380,7 +240,7 @@ impl<C: Coder> Job<'_, C> {
         let few = inserted == triangles && inserted == s.listed.len() && inserted <= KEPT && torn == 0;
         if regular && few && s.groups.len() == 1 && !s.group_of.contains(&NONE) {
             self.plain(s, inserted);
-            return self.settle(s, source, out, true);
+            return self.code_values(s, out, true);
         }
         for t in 0..n {
             let g = s.group_of[t];
@@ -406,7 +266,7 @@ impl<C: Coder> Job<'_, C> {
             ends_early(self.coder)?;
             self.recall(s, t, beside);
             let keys = self.inserted_key(t);
-            let wanted = self.wanted(s, source, keys, edge);
+            let wanted = self.wanted(s, keys, edge);
             let count = s.places.len();
             if regular && count == 0 {
                 return Err(InvalidStream("an element that continues nothing in a regular split"));
@@ -458,10 +318,10 @@ impl<C: Coder> Job<'_, C> {
             }
             if !edge {
                 let x = self.split.triangles[t].apex;
-                s.inserted[t][2] = self.apex(s, source, t, x, keys[2], place, regular)?;
+                s.inserted[t][2] = self.apex(s, t, x, keys[2], place, regular)?;
             }
         }
-        self.settle(s, source, out, regular)
+        self.code_values(s, out, regular)
     }
 
     /// The corners of a regular split without seams, of which all elements have values: a wedge for each child.

@@ -5,7 +5,6 @@
 //! along the difference of the children it says how much the values differ. How well it fits around says how far to trust it. The same serves
 //! normals, colours and scalars: a learned fraction shrinks the prediction where it does not help.
 
-use super::ElementCorners;
 use crate::format::coder::density::{Density, MIN_SPREAD, Q};
 use crate::format::coder::range::{Bit, Coder};
 use crate::format::complex::Wedges;
@@ -21,6 +20,19 @@ pub const VALUE_LIMIT: i32 = 1 << 26;
 pub const WIDTH: usize = MAX_WIDTH as usize;
 /// A value; components beyond the width are 0.
 pub type Value = [i32; WIDTH];
+
+/// An element around a vertex: its place in the star, and the corners of the vertex and of its neighbours there, counted over the level.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ElementCorners {
+    /// Its place in the star.
+    pub place: u32,
+    /// The corner of the vertex.
+    pub own: u32,
+    /// The corner after it.
+    pub next: u32,
+    /// The corner before it.
+    pub prev: u32,
+}
 
 const SIZES: usize = 48;
 const SHAPES: usize = 8;
@@ -331,7 +343,7 @@ impl LayerNeighbourhood<'_> {
             value.iter().zip(own).map(|(&a, &b)| a as i64 - b as i64)
         };
         if patch.around.shape == Shape::Closed && spokes.iter().all(|spoke| wedges.corner[spoke.own as usize] == w) {
-            // OrderedStar a whole fan the next neighbours are all neighbours, whose vectors are known.
+            // Around a whole fan the next neighbours are all neighbours, whose vectors are known.
             for (spoke, &r) in spokes.iter().zip(&patch.ring) {
                 s.add(frame.place(r, patch.mean), difference(spoke.next));
             }

@@ -3,9 +3,9 @@
 
 use super::scratch::{Fresh, Group, LayerScratch, Local, Place, UNSETTLED, push_local};
 use super::structure::{Beside, Job, NEAR, UNKNOWN};
+use crate::format::coder::InvalidStream;
 use crate::format::coder::range::Coder;
 use crate::format::complex::{BIG, NEW, NONE};
-use crate::format::split::segment::{InvalidStream, Source};
 
 /// Wedges of a group that a child has which are considered beside the last.
 const BACK: u32 = 64;
@@ -43,7 +43,7 @@ impl<C: Coder> Job<'_, C> {
     }
 
     /// Which place an inserted element continues, for an encoder: by the groups that its corners are known to belong to.
-    pub(super) fn wanted<S: Source>(&self, s: &LayerScratch, source: &S, keys: [u32; 3], edge: bool) -> Option<usize> {
+    pub(super) fn wanted(&self, s: &LayerScratch, keys: [u32; 3], edge: bool) -> Option<usize> {
         if C::DECODING {
             return None;
         }
@@ -64,7 +64,7 @@ impl<C: Coder> Job<'_, C> {
             };
             has(0) || has(1)
         };
-        let apex = |p: &Place| edge || source.key(self.l, p.apex) == keys[2];
+        let apex = |p: &Place| edge || self.key_of(p.apex) == keys[2];
         // Rather one whose apex continues too.
         s.places.iter().position(|p| fits(p) && apex(p)).or_else(|| s.places.iter().position(fits))
     }
@@ -119,18 +119,17 @@ impl<C: Coder> Job<'_, C> {
     }
 
     /// The wedge at the apex: that of the place continued, another one of the apex, or a new one.
-    #[allow(clippy::too_many_arguments)]
-    pub(super) fn apex<S: Source>(
+    pub(super) fn apex(
         &mut self,
         s: &mut LayerScratch,
-        source: &S,
         t: usize,
         x: u32,
         key: u32,
         place: Option<Place>,
         regular: bool,
     ) -> Result<u32, InvalidStream> {
-        let key_of = |w: u32| if C::DECODING { UNKNOWN } else { source.key(self.l, w) };
+        let given = self.given;
+        let key_of = |w: u32| given.map_or(UNKNOWN, |layer| layer.key(w));
         if let Some(p) = place
             && (regular || self.coder.bit(&mut self.structure.apex[0], key_of(p.apex) == key))
         {
@@ -182,10 +181,9 @@ impl<C: Coder> Job<'_, C> {
     }
 
     /// Whether an encoder's split is regular: told by building what a decoder would build.
-    pub(super) fn is_regular<S: Source>(
+    pub(super) fn is_regular(
         &self,
         s: &mut LayerScratch,
-        source: &S,
         inserted: usize,
         has: &dyn Fn(usize) -> bool,
         beside: &Beside,
@@ -215,9 +213,9 @@ impl<C: Coder> Job<'_, C> {
             let edge = t >= self.split.triangles.len();
             self.recall(s, t, beside);
             let keys = self.inserted_key(t);
-            let Some(chosen) = self.wanted(s, source, keys, edge) else { return false };
+            let Some(chosen) = self.wanted(s, keys, edge) else { return false };
             let p = s.places[chosen];
-            if !edge && source.key(self.l, p.apex) != keys[2] {
+            if !edge && self.key_of(p.apex) != keys[2] {
                 return false;
             }
             if !(fits(s, p.group, 0, keys[0]) && fits(s, p.group, 1, keys[1])) {
@@ -226,7 +224,7 @@ impl<C: Coder> Job<'_, C> {
         }
         s.groups.iter().all(|g| {
             let own = self.own_value(g.w);
-            let value = |local: u32| source.value(self.l, s.locals[local as usize].key);
+            let value = |local: u32| self.value_of(s.locals[local as usize].key);
             match g.last {
                 [NONE, NONE] => true,
                 [NONE, one] | [one, NONE] => value(one) == own,

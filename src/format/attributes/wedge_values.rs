@@ -3,10 +3,10 @@
 use super::scratch::{Fresh, Group, LayerScratch, Local, UNSETTLED};
 use super::structure::Job;
 use super::values::{Far, VALUE_LIMIT, Value, WIDTH, code_far, code_pair, code_reach, similar};
+use crate::format::coder::InvalidStream;
 use crate::format::coder::range::Coder;
 use crate::format::complex::placement::sub;
 use crate::format::complex::{MAX_WEDGES, NEW, NONE, WedgeBatch, first_of_middle, middle};
-use crate::format::split::segment::{InvalidStream, Source};
 use std::sync::atomic::Ordering::Relaxed;
 
 fn within(value: &Value) -> Result<(), InvalidStream> {
@@ -37,17 +37,16 @@ impl<C: Coder> Job<'_, C> {
     }
 
     /// Values and numbers of all wedges.
-    pub(super) fn settle<S: Source>(
+    pub(super) fn code_values(
         &mut self,
         s: &mut LayerScratch,
-        source: &mut S,
         out: &mut WedgeBatch,
         regular: bool,
     ) -> Result<(), InvalidStream> {
         let width = self.sight.wedges.width;
         if !C::DECODING {
             for local in &mut s.locals {
-                local.value = source.value(self.l, local.key);
+                local.value = self.value_of(local.key);
             }
         }
         for g in 0..s.groups.len() {
@@ -123,7 +122,7 @@ impl<C: Coder> Job<'_, C> {
             }
             for k in 0..s.fresh.len() {
                 let Fresh { x, key, triangle, .. } = s.fresh[k];
-                let v = if C::DECODING { [0; WIDTH] } else { source.value(self.l, key) };
+                let v = self.value_of(key);
                 let v = self.apex_value(s, x, triangle as usize, v);
                 within(&v)?;
                 s.fresh[k].id = self.fresh(out, &v)?;
@@ -135,9 +134,9 @@ impl<C: Coder> Job<'_, C> {
                 }
             }
         }
-        if !C::DECODING {
-            s.locals.iter().for_each(|local| source.named(self.l, local.id, local.key));
-            s.fresh.iter().for_each(|f| source.named(self.l, f.id, f.key));
+        if let Some(given) = self.given {
+            s.locals.iter().for_each(|local| self.named.note(self.l, given, local.id, local.key));
+            s.fresh.iter().for_each(|f| self.named.note(self.l, given, f.id, f.key));
         }
         Ok(())
     }
@@ -205,8 +204,8 @@ impl<C: Coder> Job<'_, C> {
         if number >= UNSETTLED as usize || self.sight.wedges.len() + number >= MAX_WEDGES {
             return Err(InvalidStream("more wedges than a layer can have"));
         }
-        if let Some(room) = self.room.get(self.l)
-            && room.fetch_update(Relaxed, Relaxed, |r| r.checked_sub(1)).is_err()
+        if let Some(left) = self.wedge_budget.get(self.l)
+            && left.fetch_update(Relaxed, Relaxed, |r| r.checked_sub(1)).is_err()
         {
             return Err(InvalidStream("more wedges than the header announces"));
         }

@@ -42,7 +42,7 @@ pub struct Coarsened {
     pub element: Vec<u32>,
     /// For each element that the batch inserts (in the order of [`super::Refined::element`]) its element in the finer level.
     pub inserted: Vec<u32>,
-    /// The finer vertices that the new_vertices stand for.
+    /// The finer vertices that the new vertices stand for.
     pub new_vertices: Vec<u32>,
 }
 
@@ -235,7 +235,7 @@ pub fn coarsen(level: &Level, star: &Star, edges: &[[u32; 2]], leaving: &[u32], 
     let new_vertices: Vec<u32> = leaving.to_vec();
     batch.new_vertices = new_vertices.iter().map(|&v| positions[v as usize]).collect();
     if down > 0 {
-        // In the order of the finer level that `refine` makes: children in place of their parent, new_vertices last.
+        // In the order of the finer level that `refine` makes: children in place of their parent, new vertices last.
         let low = |v: u32| level.positions[v as usize].map(|c| (c & ((1 << down) - 1)) as u16);
         let mut pair = pairs.iter().peekable();
         for v in 0..fine as u32 {

@@ -9,6 +9,7 @@ mod coarsen;
 mod level;
 pub mod placement;
 mod refine;
+mod scheme;
 mod star;
 #[cfg(test)]
 pub(crate) mod tests;
@@ -20,4 +21,5 @@ pub use batch::{Batch, Inserted, Side, Split};
 pub use coarsen::{Coarsened, Placement, coarsen, legal};
 pub use level::{Faces, Level};
 pub use refine::{NEW, NONE, Refined, Wanted, refine};
+pub use scheme::{MAX_LAYERS, Scheme};
 pub use star::{BIG, Star};

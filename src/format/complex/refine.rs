@@ -1,7 +1,7 @@
 //! The generic vertex split, a batch at a time: coarser level and batch in, finer level out.
 //!
 //! Caillaud et al. 2016, section 4.1. The finer level is built by prefix sums, never in place: two splits may share a
-//! ring vertex. Children take consecutive places; new_vertices come last. The elements of a split appear before the first
+//! ring vertex. Children take consecutive places; new vertices come last. The elements of a split appear before the first
 //! element of its star, so that neighbours in space stay neighbours in memory. Runs of elements and of splits are worked on
 //! in parallel; what comes out does not depend on it.
 
@@ -20,7 +20,7 @@ pub struct Refined {
     /// Where its stars begin, if they were asked for, and empty otherwise: for [`Star::fill`], once the coarser level and the batch are
     /// gone, which would be in memory beside them.
     pub star_start: Vec<u32>,
-    /// For each vertex its vertex in the coarser level; [`NONE`] for a new_vertex.
+    /// For each vertex its vertex in the coarser level; [`NONE`] for a new vertex.
     pub parent: Vec<u32>,
     /// For each element, if that was asked for, its element in the coarser level, or `NEW | i` for the `i`-th that the
     /// batch inserts, counted split by split, a split's triangles before its dangling edges.
@@ -148,7 +148,7 @@ fn vertices(
     let mut positions = vec![[0; 3]; fine];
     let mut parent = vec![NONE; fine];
     let up = (level.shift - batch.shift) as u32;
-    // Each run of the coarser level's vertices into its own part of the finer level's; the new_vertices are a part of their own.
+    // Each run of the coarser level's vertices into its own part of the finer level's; the new vertices are a part of their own.
     let mut parts = Vec::new();
     let (mut places, mut parents, mut lows) = (&mut positions[..], &mut parent[..], &batch.low_bits[..]);
     for range in parallel::ranges(coarse, RUN).into_iter().map(Some).chain([None]) {

@@ -3,9 +3,10 @@
 use super::error::{ContainerError, Place, inconsistent};
 use super::header::{LevelInfo, MAX_COUNT};
 use super::table::{Number, count, float, raw};
-use crate::format::attributes::{MAX_LAYERS, Scheme, VALUE_LIMIT};
+use crate::format::attributes::VALUE_LIMIT;
 use crate::format::coder::range::Coder;
 use crate::format::complex::MAX_WEDGES;
+use crate::format::complex::{MAX_LAYERS, Scheme};
 use crate::mesh::quantizer::{Quantizer, WIDTH};
 use crate::mesh::{LayerKind, MAX_WIDTH, Stored};
 
@@ -51,8 +52,8 @@ pub struct AttributeHeader {
     pub layers: Vec<LayerHeader>,
     /// The labels; with a single one nothing is told of elements.
     pub labels: Vec<Label>,
-    /// Whether elements that travel aside, or isolated vertices, have values: a chunk of their own.
-    pub lone: bool,
+    /// Whether degenerate faces, or isolated vertices, have values: a chunk of their own.
+    pub extra: bool,
     /// Materials of the file.
     pub materials: u32,
     /// Whether there is a chunk of materials, textures, samplers and names of images.
@@ -189,7 +190,7 @@ pub(super) fn code<C: Coder>(
             return inconsistent(Place::Header, "the tables end early");
         }
     }
-    out.lone = raw(c, 1, known.lone as u64) == 1;
+    out.extra = raw(c, 1, known.extra as u64) == 1;
     out.appearance = raw(c, 1, known.appearance as u64) == 1;
     out.images = count(size.code(c, known.images as u64))?;
     Ok(out)

@@ -27,15 +27,15 @@ pub enum Kind {
     /// One segment of the batch that leads to a level, or to a run of levels (number 2).
     Segment,
     /// The elements that repeat a vertex, at the full level (number 3).
-    Aside,
-    /// Values of elements that travel aside and of isolated vertices, at the full level (number 4).
+    Degenerate,
+    /// Values of degenerate faces and of isolated vertices, at the full level (number 4).
     ExtraAttributes,
     /// Materials, textures, samplers, names of images (number 5).
     Appearance,
     /// A piece of an image; segments count its pieces (number 6).
     Image,
     /// What gives the very bytes of an image back (number 7).
-    Recipe,
+    Reconstruction,
     /// A small picture that stands in for an image until its first piece is there (number 129, which may be skipped).
     Preview,
     /// A kind that this decoder does not know. It may skip those from [`FIRST_OPTIONAL_KIND`] on, and has to refuse a file
@@ -50,11 +50,11 @@ impl Kind {
             Kind::Base => 0,
             Kind::Levels => 1,
             Kind::Segment => 2,
-            Kind::Aside => 3,
+            Kind::Degenerate => 3,
             Kind::ExtraAttributes => 4,
             Kind::Appearance => 5,
             Kind::Image => 6,
-            Kind::Recipe => 7,
+            Kind::Reconstruction => 7,
             Kind::Preview => KIND_PREVIEW,
             Kind::Other(number) => number,
         }
@@ -66,11 +66,11 @@ impl Kind {
             0 => Kind::Base,
             1 => Kind::Levels,
             2 => Kind::Segment,
-            3 => Kind::Aside,
+            3 => Kind::Degenerate,
             4 => Kind::ExtraAttributes,
             5 => Kind::Appearance,
             6 => Kind::Image,
-            7 => Kind::Recipe,
+            7 => Kind::Reconstruction,
             KIND_PREVIEW => Kind::Preview,
             number => Kind::Other(number),
         }
@@ -83,11 +83,11 @@ impl fmt::Display for Kind {
             Kind::Base => write!(f, "base"),
             Kind::Levels => write!(f, "levels"),
             Kind::Segment => write!(f, "segment"),
-            Kind::Aside => write!(f, "aside"),
-            Kind::ExtraAttributes => write!(f, "lone values"),
+            Kind::Degenerate => write!(f, "degenerate"),
+            Kind::ExtraAttributes => write!(f, "extra attributes"),
             Kind::Appearance => write!(f, "appearance"),
             Kind::Image => write!(f, "image"),
-            Kind::Recipe => write!(f, "reconstruction"),
+            Kind::Reconstruction => write!(f, "reconstruction"),
             Kind::Preview => write!(f, "preview"),
             Kind::Other(KIND_SOURCE) => write!(f, "source"),
             Kind::Other(number) => write!(f, "kind {number}"),
@@ -153,9 +153,9 @@ impl Chunk {
     }
 
     /// The elements that repeat a vertex.
-    pub fn aside(full_level: u32, payload: Vec<u8>) -> Self {
+    pub fn degenerate(full_level: u32, payload: Vec<u8>) -> Self {
         Chunk {
-            kind: Kind::Aside,
+            kind: Kind::Degenerate,
             first_level: full_level,
             last_level: full_level,
             segment: 0,
@@ -167,18 +167,18 @@ impl Chunk {
     }
 
     /// Values outside the complex.
-    pub fn lone(full_level: u32, payload: Vec<u8>) -> Self {
-        Chunk { kind: Kind::ExtraAttributes, ..Chunk::aside(full_level, payload) }
+    pub fn extra(full_level: u32, payload: Vec<u8>) -> Self {
+        Chunk { kind: Kind::ExtraAttributes, ..Chunk::degenerate(full_level, payload) }
     }
 
     /// Materials and what they refer to; `level` is the one that it stands behind.
     pub fn appearance(level: u32, payload: Vec<u8>) -> Self {
-        Chunk { kind: Kind::Appearance, ..Chunk::aside(level, payload) }
+        Chunk { kind: Kind::Appearance, ..Chunk::degenerate(level, payload) }
     }
 
     /// A preview of an image; `level` is the one that it stands behind.
     pub fn preview(level: u32, preview: &Preview<'_>) -> Self {
-        Chunk { kind: Kind::Preview, ..Chunk::aside(level, preview.to_payload()) }
+        Chunk { kind: Kind::Preview, ..Chunk::degenerate(level, preview.to_payload()) }
     }
 }
 
@@ -192,7 +192,7 @@ impl<B> Chunk<B> {
 
     /// What gives the very bytes of image `image` back; `level` is the one that it stands behind.
     pub fn reconstruction(level: u32, image: u32, payload: B) -> Self {
-        Chunk { kind: Kind::Recipe, ..Chunk::image(level, image, 0, 1, payload) }
+        Chunk { kind: Kind::Reconstruction, ..Chunk::image(level, image, 0, 1, payload) }
     }
 
     /// The same chunk, with its need for working memory stated.
@@ -293,7 +293,7 @@ pub(super) fn check_order(header: &Header, chunks: &[ChunkInfo]) -> Result<Vec<u
     let mut needs = Vec::with_capacity(header.levels.len());
     // The last level, number of segments and next segment of a run of segments that is not finished.
     let mut open: Option<(u32, u32, u32)> = None;
-    let (mut aside, mut lone, mut appearance) = (false, false, false);
+    let (mut degenerate, mut extra, mut appearance) = (false, false, false);
     // For each image that has begun: the next piece, the number of pieces, whether its reconstruction was there.
     let mut images: BTreeMap<u32, (u32, u32, bool)> = BTreeMap::new();
     for (index, c) in chunks.iter().enumerate() {
@@ -315,26 +315,26 @@ pub(super) fn check_order(header: &Header, chunks: &[ChunkInfo]) -> Result<Vec<u
         match c.kind {
             // What may be skipped may stand anywhere, and as often as it likes.
             Kind::Preview | Kind::Other(_) => continue,
-            Kind::Aside => {
-                if next != levels || c.first_level as u64 + 1 != levels || aside {
-                    return fail("elements that travel aside have to follow the full level, once");
+            Kind::Degenerate => {
+                if next != levels || c.first_level as u64 + 1 != levels || degenerate {
+                    return fail("degenerate faces have to follow the full level, once");
                 }
-                if header.aside.elements == 0 {
-                    return fail("elements that travel aside, but the header has none");
+                if header.degenerate.elements == 0 {
+                    return fail("degenerate faces, but the header has none");
                 }
-                aside = true;
+                degenerate = true;
                 if let Some(need) = needs.last_mut() {
                     *need = index + 1;
                 }
                 continue;
             }
             Kind::ExtraAttributes => {
-                if next != levels || c.first_level as u64 + 1 != levels || lone || !header.attributes.lone {
+                if next != levels || c.first_level as u64 + 1 != levels || extra || !header.attributes.extra {
                     return fail(
                         "values outside the complex have to follow the full level, once, where the header has them",
                     );
                 }
-                lone = true;
+                extra = true;
                 if let Some(need) = needs.last_mut() {
                     *need = index + 1;
                 }
@@ -355,7 +355,7 @@ pub(super) fn check_order(header: &Header, chunks: &[ChunkInfo]) -> Result<Vec<u
                 *next += 1;
                 continue;
             }
-            Kind::Recipe => {
+            Kind::Reconstruction => {
                 match images.get_mut(&c.image) {
                     Some((next, pieces, reconstruction @ false)) if next == pieces => *reconstruction = true,
                     _ => return fail("a reconstruction told twice, or before its image"),
@@ -387,12 +387,12 @@ pub(super) fn check_order(header: &Header, chunks: &[ChunkInfo]) -> Result<Vec<u
     if needs.len() as u64 != levels || open.is_some() {
         return inconsistent(Place::Header, "the chunks do not cover all levels");
     }
-    if aside != (header.aside.elements > 0) {
-        return inconsistent(Place::Header, "the chunk of the elements that travel aside is missing");
+    if degenerate != (header.degenerate.elements > 0) {
+        return inconsistent(Place::Header, "the chunk of the degenerate faces is missing");
     }
     let announced = &header.attributes;
     let whole = images.values().filter(|(next, pieces, _)| next == pieces).count();
-    if lone != announced.lone || appearance != announced.appearance || whole as u64 != announced.images as u64 {
+    if extra != announced.extra || appearance != announced.appearance || whole as u64 != announced.images as u64 {
         return inconsistent(Place::Header, "a chunk of values, materials or images is missing");
     }
     Ok(needs)

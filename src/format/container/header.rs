@@ -30,7 +30,7 @@ pub struct Header {
     /// Connected components of the full level; an isolated vertex is one.
     pub components: u32,
     /// Elements that repeat a vertex. They travel aside and belong to the mesh at its full level, but not to the level table.
-    pub aside: DegenerateCounts,
+    pub degenerate: DegenerateCounts,
     /// One row per level, coarse to fine; at least one. The last is the full level.
     pub levels: Vec<LevelInfo>,
     /// Layers, labels, materials.
@@ -80,12 +80,12 @@ impl Header {
 
     /// Elements of the mesh, those that travel aside included.
     pub fn elements(&self) -> u32 {
-        self.full().elements.saturating_add(self.aside.elements)
+        self.full().elements.saturating_add(self.degenerate.elements)
     }
 
     /// Corners of the mesh, those that travel aside included.
     pub fn corners(&self) -> u32 {
-        self.full().corners.saturating_add(self.aside.corners)
+        self.full().corners.saturating_add(self.degenerate.corners)
     }
 
     /// An upper bound of the distance between a level and the input, in the units of the model; infinite where none is
@@ -163,12 +163,12 @@ impl Header {
             }
             before = row;
         }
-        let DegenerateCounts { elements, corners } = self.aside;
+        let DegenerateCounts { elements, corners } = self.degenerate;
         if !degrees_fit(elements, corners) {
-            return header("fewer than two corners for each element that travels aside");
+            return header("fewer than two corners for each degenerate face");
         }
         if elements > 0 && full.vertices == 0 {
-            return header("elements that travel aside without vertices");
+            return header("degenerate faces without vertices");
         }
         let fits = |a: u32, b: u32| a.checked_add(b).is_some_and(|sum| sum <= MAX_COUNT);
         if !fits(full.elements, elements) || !fits(full.corners, corners) {

@@ -155,7 +155,7 @@ impl FileIndex {
         self.header.full_level()
     }
 
-    /// How many bytes of the file, from its first, `level` needs; `None` beyond the full level. Elements that travel aside
+    /// How many bytes of the file, from its first, `level` needs; `None` beyond the full level. Degenerate faces
     /// belong to the full level.
     pub fn prefix_bytes(&self, level: u32) -> Option<u64> {
         let &chunks = self.needs.get(level as usize)?;
@@ -228,8 +228,8 @@ impl FileIndex {
         let Some(row) = self.header.levels.get(level as usize) else { return 0 };
         let (mut elements, mut corners) = (row.elements as u64, row.corners as u64);
         if level == self.full_level() {
-            elements += self.header.aside.elements as u64;
-            corners += self.header.aside.corners as u64;
+            elements += self.header.degenerate.elements as u64;
+            corners += self.header.degenerate.corners as u64;
         }
         let levels =
             row.vertices as u64 * MEMORY_PER_VERTEX + elements * MEMORY_PER_ELEMENT + corners * MEMORY_PER_CORNER;
@@ -241,9 +241,9 @@ impl FileIndex {
                 .saturating_add(corners * MEMORY_PER_LAYER_CORNER)
                 .saturating_add(wedges * width as u64 * MEMORY_PER_WEDGE_COMPONENT);
         }
-        if level == self.full_level() && self.header.attributes.lone {
-            let lone = row.vertices as u64 + self.header.aside.corners as u64;
-            attributes = attributes.saturating_add(lone * layers.len() as u64 * MEMORY_PER_EXTRA_VALUE);
+        if level == self.full_level() && self.header.attributes.extra {
+            let extra = row.vertices as u64 + self.header.degenerate.corners as u64;
+            attributes = attributes.saturating_add(extra * layers.len() as u64 * MEMORY_PER_EXTRA_VALUE);
         }
         if !self.header.attributes.is_bare() {
             attributes = attributes.saturating_add(elements * MEMORY_PER_ELEMENT);
@@ -288,7 +288,8 @@ pub fn write_front(header: &Header, chunks: &[Chunk]) -> Result<Vec<u8>, Contain
     front_of(header, &chunks.iter().map(Chunk::borrowed).collect::<Vec<_>>())
 }
 
-fn front_of(header: &Header, chunks: &[Chunk<&[u8]>]) -> Result<Vec<u8>, ContainerError> {
+/// [`write_front`] of chunks whose bytes lie elsewhere.
+pub(crate) fn front_of(header: &Header, chunks: &[Chunk<&[u8]>]) -> Result<Vec<u8>, ContainerError> {
     let mut infos = Vec::with_capacity(chunks.len());
     let mut offset = 0u64;
     for (index, chunk) in chunks.iter().enumerate() {

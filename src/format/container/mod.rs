@@ -26,9 +26,9 @@ pub use attributes::{AttributeHeader, Label, LayerHeader, MAX_LABELS, MAX_NAME};
 pub use chunk::{Chunk, ChunkInfo, FIRST_OPTIONAL_KIND, KIND_PREVIEW, KIND_SOURCE, Kind};
 pub use error::{ContainerError, Place};
 pub use header::{DegenerateCounts, ErrorBound, Header, LevelInfo, MAX_COUNT, MAX_LEVELS, MAX_SHIFT};
-#[cfg(feature = "encode")]
-pub(crate) use index::write_borrowed;
 pub use index::{FileIndex, Parsed, with_chunk, write, write_front};
+#[cfg(feature = "encode")]
+pub(crate) use index::{front_of, write_borrowed};
 pub use preview::Preview;
 pub use reader::{Event, Reader};
 

@@ -3,6 +3,7 @@
 use super::chunk::{ChunkInfo, Kind};
 use super::error::ContainerError;
 use super::index::{FileIndex, Parsed, verify};
+use std::sync::Arc;
 
 /// Takes the bytes of a file in pieces of any size and hands out its chunks in order, each verified.
 ///
@@ -15,7 +16,7 @@ pub struct Reader {
     dropped: u64,
     /// Bytes of the buffer that were handed out and may go.
     used: usize,
-    front: Option<FileIndex>,
+    index: Option<Arc<FileIndex>>,
     next: usize,
 }
 
@@ -59,25 +60,25 @@ impl Reader {
         self.dropped + self.buffer.len() as u64
     }
 
-    /// The front of the file, `None` until its bytes are there.
+    /// The index of the file, `None` until its bytes are there.
     ///
     /// # Errors
     /// As [`FileIndex::parse`].
-    pub fn front(&mut self) -> Result<Option<&FileIndex>, ContainerError> {
-        Ok(match self.front_or_need()? {
-            Ok(()) => self.front.as_ref(),
+    pub fn index(&mut self) -> Result<Option<Arc<FileIndex>>, ContainerError> {
+        Ok(match self.index_or_need()? {
+            Ok(()) => self.index.clone(),
             Err(_) => None,
         })
     }
 
-    /// Make the front ready, or say how many bytes that takes.
-    fn front_or_need(&mut self) -> Result<Result<(), u64>, ContainerError> {
-        if self.front.is_none() {
+    /// Make the index ready, or say how many bytes that takes.
+    fn index_or_need(&mut self) -> Result<Result<(), u64>, ContainerError> {
+        if self.index.is_none() {
             match FileIndex::parse(&self.buffer)? {
                 Parsed::NeedBytes(n) => return Ok(Err(n)),
                 Parsed::Ready(front) => {
                     self.used = front.length() as usize;
-                    self.front = Some(front);
+                    self.index = Some(Arc::new(front));
                 }
             }
         }
@@ -89,11 +90,11 @@ impl Reader {
     /// # Errors
     /// As [`FileIndex::parse`]; [`ContainerError::ChunkDamaged`]; [`ContainerError::TrailingBytes`] after the last chunk.
     pub fn next_chunk(&mut self) -> Result<Event<'_>, ContainerError> {
-        if let Err(n) = self.front_or_need()? {
+        if let Err(n) = self.index_or_need()? {
             return Ok(Event::NeedBytes(n));
         }
-        let Some(front) = &self.front else { return Ok(Event::NeedBytes(self.bytes() + 1)) };
-        while let Some(&info) = front.chunks().get(self.next) {
+        let Some(file) = self.index.clone() else { return Ok(Event::NeedBytes(self.bytes() + 1)) };
+        while let Some(&info) = file.chunks().get(self.next) {
             let index = self.next;
             let from = self.used;
             let Some(to) = usize::try_from(info.length).ok().and_then(|n| from.checked_add(n)) else {
@@ -107,13 +108,13 @@ impl Reader {
                 return Ok(Event::Chunk { index, info, payload: &self.buffer[from..to] });
             }
         }
-        front.check_length(self.bytes())?;
+        file.check_length(self.bytes())?;
         Ok(Event::End)
     }
 
     /// The finest level all chunks of which have been handed out.
     pub fn whole_level(&self) -> Option<u32> {
-        let front = self.front.as_ref()?;
+        let front = self.index.as_ref()?;
         let (mut lo, mut hi) = (0, front.header().levels.len() as u32);
         while lo < hi {
             let middle = (lo + hi) / 2;
@@ -133,9 +134,9 @@ impl Reader {
     /// goes on after its end.
     pub fn finish(&mut self) -> Result<(), ContainerError> {
         let have = self.bytes();
-        match self.front_or_need()? {
+        match self.index_or_need()? {
             Err(need) => Err(ContainerError::Truncated { have, need, exact: false, level: None }),
-            Ok(()) => self.front.as_ref().map_or(Ok(()), |front| front.check_length(have)),
+            Ok(()) => self.index.as_ref().map_or(Ok(()), |front| front.check_length(have)),
         }
     }
 }

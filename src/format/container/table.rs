@@ -133,8 +133,8 @@ fn tables<C: Coder>(
     let origin = known_lattice.origin.map(|x| float(c, x));
     let bits = c.uniform(22, known.and_then(|h| h.position_bits).unwrap_or(0) as u32) as u8;
     let mut size = Number::new();
-    let known_aside = known.map_or(DegenerateCounts::default(), |h| h.aside);
-    let aside = DegenerateCounts {
+    let known_aside = known.map_or(DegenerateCounts::default(), |h| h.degenerate);
+    let degenerate = DegenerateCounts {
         elements: count(size.code(c, known_aside.elements as u64))?,
         corners: count(size.code(c, known_aside.corners as u64))?,
     };
@@ -151,7 +151,7 @@ fn tables<C: Coder>(
         position_bits: (bits != 0).then_some(bits),
         bounds,
         components,
-        aside,
+        degenerate,
         levels,
         attributes,
     };
@@ -323,7 +323,7 @@ fn chunks<C: Coder>(
                 let segments = exp_golomb(c, &mut segment_numbers, row.map_or(0, |r| r.segments.saturating_sub(1)));
                 let segment = exp_golomb(c, &mut segment_numbers, row.map_or(0, |r| r.segment));
                 let image = match kind {
-                    Kind::Image | Kind::Recipe => count(images.code(c, row.map_or(0, |r| r.image as u64)))?,
+                    Kind::Image | Kind::Reconstruction => count(images.code(c, row.map_or(0, |r| r.image as u64)))?,
                     _ => 0,
                 };
                 let (Ok(first_level), Some(segments)) = (first, segments.checked_add(1)) else {

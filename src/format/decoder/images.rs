@@ -1,11 +1,11 @@
 //! Materials and images as they arrive: a preview stands in for an image until its first piece is there, each piece makes it a better one, and
 //! a reconstruction its very bytes.
 
-use super::{DecodeError, Decoder, corrupt};
+use super::open::Open;
+use super::{DecodeError, corrupt};
 use crate::format::appearance::{AppearanceError, code_appearance};
-use crate::format::coder::range;
+use crate::format::coder::{InvalidStream, range};
 use crate::format::container::{ChunkInfo, ContainerError, Kind, Preview};
-use crate::format::split::segment::InvalidStream;
 use crate::image::jpeg::{END, Unsupported, restore};
 use crate::mesh::Appearance;
 
@@ -17,14 +17,47 @@ pub(super) struct Shown {
     mime: String,
 }
 
-impl Decoder {
+/// Materials and images, as far as they have arrived.
+#[derive(Debug, Default)]
+pub(super) struct Images {
+    pub(super) appearance: Option<Appearance>,
+    /// Bytes of memory that materials take beyond what their chunk announced.
+    pub(super) held: u64,
+    /// Of each image how many pieces are here, and how many there are.
+    pieces: Vec<[u32; 2]>,
+    /// Of each image the preview that it shows.
+    previews: Vec<Option<Shown>>,
+    /// Bytes of images, or of their previews, that are here.
+    pub(super) bytes: u64,
+}
+
+/// What has not arrived of the images of a file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MissingImages {
+    /// How many images there are.
+    pub all: usize,
+    /// Those of which nothing has arrived.
+    pub none: usize,
+    /// Those of which a preview or some pieces have arrived, and not all.
+    pub part: usize,
+}
+
+impl Open {
+    pub(super) fn missing_images(&self) -> MissingImages {
+        let all = self.index.header().attributes.images as usize;
+        let Images { pieces, previews, .. } = &self.images;
+        let begun = pieces.iter().zip(previews).filter(|(p, shown)| p[0] > 0 || shown.is_some()).count();
+        let whole = pieces.iter().filter(|p| p[0] > 0 && p[0] == p[1]).count();
+        MissingImages { all, none: all.saturating_sub(begun), part: begun - whole }
+    }
+
     /// Materials or an image.
     pub(super) fn take_picture(&mut self, level: u32, info: ChunkInfo, payload: Vec<u8>) -> Result<(), DecodeError> {
-        match (info.kind, &mut self.appearance) {
+        match (info.kind, &mut self.images.appearance) {
             (Kind::Appearance, None) => {
                 let mut coder = range::Decoder::new(payload);
-                let limit = self.options.memory_limit;
-                let used = self.reader.front()?.map_or(0, |front| front.memory(level));
+                let limit = self.memory_limit;
+                let used = self.index.memory(level);
                 let room = limit.saturating_sub(used).saturating_add(info.memory);
                 let (appearance, held) =
                     code_appearance(&mut coder, &Appearance::default(), room).map_err(|error| match error {
@@ -38,25 +71,22 @@ impl Decoder {
                 if coder.overrun() {
                     return Err(corrupt(level, "materials that end too early"));
                 }
-                let announced = match self.reader.front()? {
-                    Some(front) => &front.header().attributes,
-                    None => return Err(corrupt(level, "materials before the header")),
-                };
+                let announced = &self.index.header().attributes;
                 let found = (appearance.materials.len(), appearance.images.len());
                 if found != (announced.materials as usize, announced.images as usize) {
                     return Err(corrupt(level, "other materials or images than the header announces"));
                 }
-                self.pieces = vec![[0; 2]; appearance.images.len()];
-                self.previews = appearance.images.iter().map(|_| None).collect();
-                self.appearance = Some(appearance);
-                self.held = held.saturating_sub(info.memory);
+                self.images.pieces = vec![[0; 2]; appearance.images.len()];
+                self.images.previews = appearance.images.iter().map(|_| None).collect();
+                self.images.appearance = Some(appearance);
+                self.images.held = held.saturating_sub(info.memory);
             }
             (Kind::Image, Some(_)) => self.take_piece(level, info, payload)?,
-            (Kind::Recipe, Some(_)) => self.take_reconstruction(level, info, &payload)?,
+            (Kind::Reconstruction, Some(_)) => self.take_reconstruction(level, info, &payload)?,
             (Kind::Preview, Some(_)) => self.take_preview(level, payload)?,
             // Offered before its chunk came.
             (Kind::Appearance, Some(_)) => {}
-            (Kind::Image | Kind::Recipe, None) => return Err(corrupt(level, "images before materials")),
+            (Kind::Image | Kind::Reconstruction, None) => return Err(corrupt(level, "images before materials")),
             _ => {}
         }
         Ok(())
@@ -64,7 +94,7 @@ impl Decoder {
 
     /// The next piece of an image; without the last one, an end marker makes a file of what is there.
     fn take_piece(&mut self, level: u32, info: ChunkInfo, mut payload: Vec<u8>) -> Result<(), DecodeError> {
-        let Some([next, all]) = self.pieces.get_mut(info.image as usize) else { return Ok(()) };
+        let Some([next, all]) = self.images.pieces.get_mut(info.image as usize) else { return Ok(()) };
         if info.segment < *next {
             // Offered before its chunk came.
             return Ok(());
@@ -74,19 +104,19 @@ impl Decoder {
         }
         let (open, last) = (*next > 0, info.segment + 1 == info.segments);
         (*next, *all) = (info.segment + 1, info.segments);
-        if let Some(shown) = self.previews.get_mut(info.image as usize).and_then(Option::take)
-            && let Some(image) = self.appearance.as_mut().and_then(|a| a.images.get_mut(info.image as usize))
+        if let Some(shown) = self.images.previews.get_mut(info.image as usize).and_then(Option::take)
+            && let Some(image) = self.images.appearance.as_mut().and_then(|a| a.images.get_mut(info.image as usize))
         {
-            self.image_bytes = self.image_bytes.saturating_sub(image.bytes.len() as u64);
+            self.images.bytes = self.images.bytes.saturating_sub(image.bytes.len() as u64);
             image.bytes = Vec::new();
             image.mime = shown.mime;
         }
-        self.image_bytes = self.image_bytes.saturating_add(payload.len() as u64);
+        self.images.bytes = self.images.bytes.saturating_add(payload.len() as u64);
         self.afford(level)?;
         if !last {
             payload.extend_from_slice(&END);
         }
-        let Some(image) = self.appearance.as_mut().and_then(|a| a.images.get_mut(info.image as usize)) else {
+        let Some(image) = self.images.appearance.as_mut().and_then(|a| a.images.get_mut(info.image as usize)) else {
             return Ok(());
         };
         if open {
@@ -106,9 +136,9 @@ impl Decoder {
         let (Some(mime), head) = (preview.media_type(), payload.len() - bytes.len()) else { return Ok(()) };
         let at = image as usize;
         let (Some([0, _]), Some(shown), Some(image)) = (
-            self.pieces.get(at),
-            self.previews.get_mut(at),
-            self.appearance.as_mut().and_then(|a| a.images.get_mut(at)),
+            self.images.pieces.get(at),
+            self.images.previews.get_mut(at),
+            self.images.appearance.as_mut().and_then(|a| a.images.get_mut(at)),
         ) else {
             return Ok(());
         };
@@ -124,27 +154,27 @@ impl Decoder {
         let (new, old) = (payload.len() as u64, image.bytes.len() as u64);
         (image.mime, image.bytes) = (mime.to_string(), payload);
         *shown = Some(Shown { number, mime: told });
-        self.image_bytes = self.image_bytes.saturating_sub(old).saturating_add(new);
+        self.images.bytes = self.images.bytes.saturating_sub(old).saturating_add(new);
         self.afford(level)
     }
 
     /// The reconstruction of an image that is whole: its very bytes.
     fn take_reconstruction(&mut self, level: u32, info: ChunkInfo, reconstruction: &[u8]) -> Result<(), DecodeError> {
         const DONE: u32 = u32::MAX;
-        match self.pieces.get(info.image as usize) {
+        match self.images.pieces.get(info.image as usize) {
             Some([DONE, DONE]) => return Ok(()),
             Some([have, all]) if have == all && *all > 0 => {}
             _ => return Err(corrupt(level, "the reconstruction of an image before the image")),
         }
-        let limit = self.options.memory_limit;
-        let used = self.reader.front()?.map_or(0, |front| front.memory(level)).saturating_add(self.held);
+        let limit = self.memory_limit;
+        let used = self.index.memory(level).saturating_add(self.images.held);
         let room = limit.saturating_sub(used.saturating_sub(info.memory));
-        let image = self.appearance.as_mut().and_then(|a| a.images.get_mut(info.image as usize));
+        let image = self.images.appearance.as_mut().and_then(|a| a.images.get_mut(info.image as usize));
         if let Some(image) = image {
             image.bytes =
                 restore(&image.bytes, reconstruction, room).map_err(|Unsupported(what)| corrupt(level, what))?;
         }
-        if let Some(pieces) = self.pieces.get_mut(info.image as usize) {
+        if let Some(pieces) = self.images.pieces.get_mut(info.image as usize) {
             *pieces = [DONE; 2];
         }
         Ok(())

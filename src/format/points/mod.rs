@@ -1,4 +1,4 @@
-//! Unordered multisets of integer points: base vertices, new_vertices and isolated vertices.
+//! Unordered multisets of integer points: base vertices, new vertices and isolated vertices.
 //!
 //! The canonical order is the lexicographic one of `(x, y, z)`; equal points stand side by side. The box of the points is
 //! coded, then they are located in it:

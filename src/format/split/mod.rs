@@ -3,5 +3,4 @@
 pub mod connectivity;
 pub mod fan;
 pub mod neighbourhood;
-pub mod segment;
 pub mod vector;

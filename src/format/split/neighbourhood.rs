@@ -3,9 +3,8 @@
 //! Lengths are in 1/256 step, unit vectors have length 2^14. Coordinates of a valid level stay within ±2^26, and at most
 //! 64 elements are looked at, so that no sum leaves `i64`.
 
-use crate::format::attributes::Scheme;
 use crate::format::complex::placement::{cross, dot, root, sub, unit};
-use crate::format::complex::{Attributes, Faces, Level, Star};
+use crate::format::complex::{Attributes, Faces, Level, Scheme, Star};
 use crate::format::split::fan::OrderedStar;
 
 /// Elements looked at for geometry.

@@ -107,7 +107,7 @@ pub fn any_layer(mesh: &Mesh, name: &str, kind: LayerKind, width: u8, r: &mut Ra
 }
 
 /// The mesh with layers of every kind, materials and images.
-pub fn quantize_attributes(mut mesh: Mesh, seed: u64) -> Mesh {
+pub fn with_attributes(mut mesh: Mesh, seed: u64) -> Mesh {
     let mut r = Random(seed);
     let kinds = [("uv", LayerKind::Uv, 2), ("quality", LayerKind::Scalar, 1), ("tangent", LayerKind::Tangent, 4)];
     for (name, kind, width) in kinds {
@@ -134,7 +134,7 @@ pub fn quantize_attributes(mut mesh: Mesh, seed: u64) -> Mesh {
 
 /// The mesh with two previews of its second image, and one of the image that is not there, which no file carries.
 fn previewed(mut mesh: Mesh, seed: u64) -> Mesh {
-    mesh = quantize_attributes(mesh, seed);
+    mesh = with_attributes(mesh, seed);
     let [none, image] = &mut mesh.appearance.images[..] else { unreachable!("two images") };
     none.previews = vec![b"\x89PNG of nothing".to_vec()];
     image.previews = vec![b"\x89PNG coarse".to_vec(), vec![0xff, 0xd8, 0xff, 7, 7, 7]];
@@ -181,9 +181,9 @@ pub fn meshes() -> Vec<(&'static str, Mesh)> {
         ("mixed", mixed(7, 6, 8)),
         ("sphere", sphere(8, 0.04, 9)),
         ("uv-sphere", seamed(6, 9)),
-        ("dressed-soup", quantize_attributes(soup(14, 26, 5), 21)),
-        ("dressed-repeating", quantize_attributes(repeating(torus(4, 3)), 22)),
-        ("dressed-non-manifold", quantize_attributes(non_manifold(), 23)),
+        ("dressed-soup", with_attributes(soup(14, 26, 5), 21)),
+        ("dressed-repeating", with_attributes(repeating(torus(4, 3)), 22)),
+        ("dressed-non-manifold", with_attributes(non_manifold(), 23)),
         ("previewed", previewed(torus(5, 4), 24)),
         ("facets", faceted(torus(5, 4))),
         ("colours", coloured(torus(6, 4))),
@@ -198,6 +198,6 @@ pub fn files() -> Vec<(&'static str, Vec<u8>)> {
 
 /// A mesh as a file.
 pub fn file(mesh: &Mesh, bits: u8) -> Vec<u8> {
-    let options = EncodeOptions { quantization: Quantization::Bits(bits), ..EncodeOptions::default() };
-    encode(mesh, &options, &|_| {}).unwrap().bytes
+    let options = EncodeOptions::default().quantization(Quantization::Bits(bits));
+    encode(mesh, &options).unwrap().bytes
 }

@@ -3,16 +3,15 @@
 use super::Args;
 use crate::decode;
 use crate::draw::{Looks, Pen, Work};
-use crate::encode::stage_name;
+use crate::encode::{arrange, stage_name};
 use crate::model;
 use crate::progress::Bars;
 use crate::shared;
 use anyhow::{Context, Result, bail};
-use lodestream::encode::{self, EncodeOptions, Progress};
+use lodestream::encode::cost::Engine;
+use lodestream::encode::{Control, EncodeOptions, Progress};
 use lodestream::format::container::{ChunkInfo, FileIndex, Kind, Parsed};
 use lodestream::format::decoder::{Decoder, Step};
-use lodestream::image::preview::add_previews;
-use lodestream::image::recompress::recompress;
 use lodestream::io::read::ReadOptions;
 use lodestream::mesh::Mesh;
 use lodestream::mesh::lattice::Quantization;
@@ -96,27 +95,27 @@ pub fn measure(path: &Path, args: &Args, threads: usize, bars: &Bars) -> Result<
         let options = ReadOptions { memory_limit: args.machine.memory_limit, ..ReadOptions::default() };
         let mesh = shared::read_mesh(path, None, &options)?.mesh;
         let read = shared::seconds(clock);
-        let mut options =
-            EncodeOptions { quantization: Quantization::Bits(args.position_bits), ..EncodeOptions::default() };
-        args.images.set(&mut options);
+        let options = EncodeOptions::default().quantization(Quantization::Bits(args.position_bits));
+        let pipeline = args.images.pipeline(options, args.machine.memory_limit);
         // What goes in loses nothing: the source stays what it was.
         let mut changed = mesh.clone();
-        for image in recompress(&mut changed.appearance, args.images.texture()) {
+        for image in pipeline.prepare(&mut changed.appearance) {
             subject.warnings.push(image.to_string());
         }
-        add_previews(&mut changed.appearance, args.images.previews);
         let progress = |p: Progress| bars.show(stage_name(p.stage), p.done, p.total);
-        let mut encoded = encode::encode(&changed, &options, &progress).with_context(|| path.display().to_string())?;
+        let mut encoded = pipeline
+            .encode(&changed, Engine::default(), None, Control::new().progress(&progress))
+            .with_context(|| path.display().to_string())?;
         drop(changed);
         let clock = Instant::now();
-        args.images.order(&mut encoded, args.machine.memory_limit, bars).with_context(|| path.display().to_string())?;
+        arrange(&pipeline, &mut encoded, bars).with_context(|| path.display().to_string())?;
         let order = shared::seconds(clock);
         let (report, bits) = (&encoded.report, &encoded.report.bits);
         subject.kinds = vec![
             ("connectivity", bits.connectivity),
             ("geometry", bits.geometry),
             ("points", bits.points),
-            ("aside", bits.aside),
+            ("degenerate", bits.degenerate),
             ("attributes", bits.attributes),
             ("materials", bits.appearance),
             ("images", bits.images),

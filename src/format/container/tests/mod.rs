@@ -45,7 +45,7 @@ fn scan(levels: usize, vertices: u32, seed: u32) -> Header {
         position_bits: Some(12),
         bounds: Some([[0; 3], [2551, 4095, 1987]]),
         components: 1,
-        aside: DegenerateCounts::default(),
+        degenerate: DegenerateCounts::default(),
         levels: rows,
     }
 }
@@ -76,7 +76,7 @@ fn bytes(length: usize, seed: u32) -> Vec<u8> {
 /// A small file with every kind of chunk, a skippable unknown one among them.
 fn small() -> (Header, Vec<Chunk>) {
     let mut header = scan(7, 400, 5);
-    header.aside = DegenerateCounts { elements: 2, corners: 7 };
+    header.degenerate = DegenerateCounts { elements: 2, corners: 7 };
     header.optional = 1 << 40;
     let mut chunks = vec![
         Chunk::base(1, bytes(20, 1)),
@@ -87,7 +87,7 @@ fn small() -> (Header, Vec<Chunk>) {
     for s in 0..3 {
         chunks.push(Chunk::segment(6, s, 3, bytes(5 + s as usize, 10 + s)));
     }
-    chunks.push(Chunk::aside(6, bytes(4, 20)));
+    chunks.push(Chunk::degenerate(6, bytes(4, 20)));
     (header, chunks)
 }
 
@@ -374,7 +374,7 @@ fn errors_are_one_clear_line() {
 
 #[test]
 fn chunks_have_to_cover_the_levels_in_order() {
-    let header = Header { aside: DegenerateCounts::default(), ..scan(5, 400, 3) };
+    let header = Header { degenerate: DegenerateCounts::default(), ..scan(5, 400, 3) };
     let check = |chunks: &[Chunk]| {
         let written = write(&header, chunks);
         let infos: Vec<_> = chunks
@@ -420,13 +420,13 @@ fn chunks_have_to_cover_the_levels_in_order() {
     assert!(!check(&[Chunk::base(3, vec![]), part(4, 0, 3), part(4, 1, 2)]));
     assert!(!check(&[Chunk::base(3, vec![]), part(4, 0, 2), part(4, 0, 2), part(4, 1, 2)]));
     assert!(!check(&[base(), part(2, 0, 2), part(3, 1, 2), Chunk::levels(3..=4, vec![])]));
-    assert!(!check(&[Chunk::base(4, vec![]), Chunk::aside(4, vec![])]));
+    assert!(!check(&[Chunk::base(4, vec![]), Chunk::degenerate(4, vec![])]));
     assert!(!check(&[Chunk { kind: Kind::Other(5), ..base() }, Chunk::base(4, vec![])]));
-    let with_aside = Header { aside: DegenerateCounts { elements: 1, corners: 3 }, ..header.clone() };
-    assert!(write(&with_aside, &[Chunk::base(4, vec![]), Chunk::aside(4, vec![])]).is_ok());
+    let with_aside = Header { degenerate: DegenerateCounts { elements: 1, corners: 3 }, ..header.clone() };
+    assert!(write(&with_aside, &[Chunk::base(4, vec![]), Chunk::degenerate(4, vec![])]).is_ok());
     assert!(write(&with_aside, &[Chunk::base(4, vec![])]).is_err());
-    assert!(write(&with_aside, &[Chunk::aside(4, vec![]), Chunk::base(4, vec![])]).is_err());
-    assert!(write(&with_aside, &[Chunk::base(4, vec![]), Chunk::aside(3, vec![])]).is_err());
+    assert!(write(&with_aside, &[Chunk::degenerate(4, vec![]), Chunk::base(4, vec![])]).is_err());
+    assert!(write(&with_aside, &[Chunk::base(4, vec![]), Chunk::degenerate(3, vec![])]).is_err());
 }
 
 #[test]
@@ -473,7 +473,7 @@ fn the_example_of_the_format_text_is_what_is_written() {
         position_bits: None,
         bounds: Some([[3, -4, 5]; 2]),
         components: 1,
-        aside: DegenerateCounts::default(),
+        degenerate: DegenerateCounts::default(),
         levels: vec![LevelInfo { vertices: 1, error: ErrorBound::QUANTIZATION, ..LevelInfo::default() }],
     };
     let file = write(&header, &[Chunk::base(0, vec![0x2a])]).unwrap();

@@ -10,7 +10,7 @@ fn any_file() -> impl Strategy<Value = (Header, Vec<Chunk>)> {
     let float = prop_oneof![any::<f64>(), any::<f32>().prop_map(f64::from), (-1000i32..1000).prop_map(f64::from)]
         .prop_map(|x| if x.is_finite() { x } else { 0.0 });
     let frame = (prop::array::uniform4(float), 0u8..22, prop::array::uniform6(-(1 << 24)..=1i32 << 24), any::<u32>());
-    (rows, cuts, frame, (0u32..3, 0u32..9, any::<u64>())).prop_map(|(rows, cuts, (f, bits, b, n), aside)| {
+    (rows, cuts, frame, (0u32..3, 0u32..9, any::<u64>())).prop_map(|(rows, cuts, (f, bits, b, n), degenerate)| {
         let mut levels = Vec::new();
         let (mut v, mut e, mut c) = (0u32, 0u32, 0u32);
         for &(dv, de, dc, ds, error, scale) in &rows {
@@ -33,18 +33,18 @@ fn any_file() -> impl Strategy<Value = (Header, Vec<Chunk>)> {
             });
         }
         levels.last_mut().unwrap().shift = 0;
-        let with_aside = aside.0 > 0 && v > 0;
+        let with_aside = degenerate.0 > 0 && v > 0;
         let header = Header {
             attributes: Default::default(),
             required: 0,
-            optional: aside.2,
+            optional: degenerate.2,
             lattice: Lattice { origin: [f[0], f[1], f[2]], step: if f[3] == 0.0 { 1.0 } else { f[3].abs() } },
             position_bits: (bits > 0).then_some(bits),
             bounds: (v > 0)
                 .then(|| [std::array::from_fn(|k| b[k].min(b[k + 3])), std::array::from_fn(|k| b[k].max(b[k + 3]))]),
             components: if v == 0 { 0 } else { n % v + 1 },
-            aside: if with_aside {
-                DegenerateCounts { elements: aside.0, corners: 2 * aside.0 + aside.1 }
+            degenerate: if with_aside {
+                DegenerateCounts { elements: degenerate.0, corners: 2 * degenerate.0 + degenerate.1 }
             } else {
                 DegenerateCounts::default()
             },
@@ -80,7 +80,7 @@ fn any_file() -> impl Strategy<Value = (Header, Vec<Chunk>)> {
             next = last + 1;
         }
         if with_aside {
-            chunks.push(Chunk::aside(count - 1, bytes(6, 77)));
+            chunks.push(Chunk::degenerate(count - 1, bytes(6, 77)));
         }
         (header, chunks)
     })
