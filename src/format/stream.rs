@@ -2,7 +2,7 @@
 //!
 //! A chunk of small levels holds one coder that runs through all of them; a large level has one chunk per segment, each with a coder of its own,
 //! that starts with the models as the first segment of the coarser level's batch left them (core paper section 5; Qin 2002 for batches
-//! without order; segments after `DESIGN.md`).
+//! without order; segments after `docs/design/codec.md`).
 
 use crate::format::attributes::Scheme;
 use crate::format::coder::range::{Bit, Coder, exp_golomb};

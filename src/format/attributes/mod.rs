@@ -4,7 +4,7 @@
 //! wedges are *groups*. Nearly always a split is *regular* in a layer: each child has at most one wedge of a group, a triangle that appears continues
 //! a wedge beside it, and only which of two sides it continues at a seam has to be told. Then a group that both children have differs by one coded
 //! difference around its middle, and one that a single child has stays as it is. What is not regular (darts, charts that appear, several
-//! wedges out of one) is told corner by corner. `FORMAT.md` has the whole of it.
+//! wedges out of one) is told corner by corner. `docs/format/attributes.md` and `values.md` have the whole of it.
 
 mod base;
 mod scratch;

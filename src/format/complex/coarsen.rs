@@ -1,6 +1,6 @@
 //! The generic edge collapse, a batch at a time: finer level and independent edges in, coarser level and batch out.
 //!
-//! Caillaud et al. 2016, section 4.1, with levels as multisets (`DESIGN.md`): elements that become equal stay. A
+//! Caillaud et al. 2016, section 4.1, with levels as multisets (`docs/design/operator.md`): elements that become equal stay. A
 //! triangle at the collapsed edge vanishes; where it was the last to hold the edge to its third vertex, it stays as a dangling
 //! edge. Larger elements lose a corner.
 //!
