@@ -331,7 +331,7 @@ impl LayerNeighbourhood<'_> {
             value.iter().zip(own).map(|(&a, &b)| a as i64 - b as i64)
         };
         if patch.around.shape == Shape::Closed && spokes.iter().all(|spoke| wedges.corner[spoke.own as usize] == w) {
-            // OrderedStar a whole fan the next neighbours are all neighbours, whose vectors are known.
+            // Around a whole fan the next neighbours are all neighbours, whose vectors are known.
             for (spoke, &r) in spokes.iter().zip(&patch.ring) {
                 s.add(frame.place(r, patch.mean), difference(spoke.next));
             }
