@@ -3,7 +3,7 @@
 //! The peak is in one of three moments, each held against the others: reading, with the file and the mesh in memory; the
 //! first collapses, with the mesh, several levels and their attributes; the end, with images in the mesh and in the output.
 //! The figures are measured, not derived: `cargo bench --bench ingest -- memory` prints what each file of a varied set took
-//! in a run of its own beside what is predicted here. `DESIGN.md`, "Ingest", has the table.
+//! in a run of its own beside what is predicted here. `docs/lab/ingest.md` has the table.
 
 use super::settings::{IMAGE_CACHE, Settings};
 use crate::image::jpeg::Working;

@@ -43,7 +43,7 @@ pub(super) struct Sidecars {
     pub working: Working,
     /// Where the reader looks for them; `None`: there are none.
     pub folder: Option<PathBuf>,
-    /// SHA-256 of the source and of these files, see `FORMAT.md`, "Source stamp".
+    /// SHA-256 of the source and of these files, see `docs/format/source-stamp.md`.
     pub checksum: [u8; 32],
     /// Where they were put, if the source lies in a store.
     _held: Option<tempfile::TempDir>,

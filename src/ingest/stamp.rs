@@ -1,6 +1,6 @@
 //! The stamp: an optional chunk at the end of a `.lods` file that says what it was made from.
 //!
-//! `FORMAT.md`, "Source stamp": kind 128, one byte of version, SHA-256 of the source's bytes, SHA-256 of the settings.
+//! `docs/format/source-stamp.md`: kind 128, one byte of version, SHA-256 of the source's bytes, SHA-256 of the settings.
 //! Decoders skip it. It is what `--resume` goes by, so a file and its stamp appear together or not at all.
 
 use crate::format::container::{Chunk, ContainerError, FileIndex, KIND_SOURCE, Kind, with_chunk};

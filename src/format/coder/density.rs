@@ -1,9 +1,10 @@
-//! Adaptive densities of a residual in units of its expected spread.
+//! Adaptive densities of a residual in units of its expected deviation.
 //!
-//! An integer `k` with prediction `mu` and spread `s` gets the mass of a piecewise constant density over
-//! `(k − ½ − mu)/s .. (k + ½ − mu)/s`, plus one unit so that nothing is impossible; what lies further than four spreads away
-//! escapes to an exponential-Golomb code. The density itself, 32 bins between −4 and 4 spreads and two for the escapes, adapts to what was seen:
-//! it stands for the mixture of scaled Gaussians that `DESIGN.md` measured, without exponentials and without logarithms.
+//! An integer `k` with prediction `mu` and deviation `s` gets the mass of a piecewise constant density over
+//! `(k − ½ − mu)/s .. (k + ½ − mu)/s`, plus one unit so that nothing is impossible; what lies further than four
+//! deviations away escapes to an exponential-Golomb code. The density itself, 32 bins between −4 and 4 deviations and
+//! two for the escapes, adapts to what was seen: it stands for the mixture of scaled Gaussians that a prototype measured
+//! (`docs/lab/prototypes.md`), without exponentials and without logarithms.
 
 use crate::format::coder::range::{Bit, Coder, MAX_TOTAL, exp_golomb};
 

@@ -1,11 +1,11 @@
 //! The generic edge collapse, a batch at a time: finer level and independent edges in, coarser level and batch out.
 //!
-//! Caillaud et al. 2016, section 4.1, with levels as multisets (`DESIGN.md`): elements that become equal stay. A
-//! triangle at the collapsed edge vanishes; where it was the last to hold the edge to its third vertex, it stays as a dangling
-//! edge. Larger elements lose a corner.
+//! Caillaud et al. 2016, section 4.1, with levels as multisets (`docs/design/operator.md`): elements that become equal
+//! stay. A triangle at the collapsed edge vanishes; where it was the last to hold the edge to its third vertex, it
+//! stays as a dangling edge. Larger elements lose a corner.
 //!
-//! Invariants asked of the caller: no element and no edge touches two of the edges; no element holds both ends of
-//! an edge other than in consecutive corners ([`legal`]).
+//! Invariants asked of the caller: no element and no edge touches two of the edges; no element holds both ends of an
+//! edge other than in consecutive corners ([`legal`]).
 
 use super::batch::{Batch, Inserted, Side, Split};
 use super::placement::{compensation, midpoint};

@@ -1,7 +1,7 @@
 //! Where a merged vertex lies, in integers that both directions repeat.
 //!
 //! The midpoint of its children, with alternating rounding so that it does not drift, plus a curvature
-//! compensation that depends on the ring alone (`DESIGN.md`: midpoints shrink a convex surface; half the
+//! compensation that depends on the ring alone (`docs/design/operator.md`: midpoints shrink a convex surface; half the
 //! sagitta that the ring predicts, times `alpha`, puts it back).
 
 use super::{Level, Star};

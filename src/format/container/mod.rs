@@ -2,7 +2,7 @@
 //!
 //! The front of a file (magic number, version, header, level table, chunk table) is small and tells a client all it needs to
 //! plan; the payloads of the chunks follow in streaming order, so that any prefix that ends behind a level's last chunk holds
-//! that level. `FORMAT.md`, "Container", is the normative text.
+//! that level. `docs/format/container.md` is the normative text.
 //!
 //! Invariants: every byte of a file is covered by exactly one CRC-32 (the front's or a chunk's); nothing follows the last
 //! chunk; no allocation goes by what a file claims before [`FileIndex::check_memory`] was asked, beyond the tables, which are

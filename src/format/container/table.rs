@@ -2,7 +2,7 @@
 //!
 //! One function, generic over the direction, so that writer and reader cannot drift apart. Tables have to be tiny (a
 //! mesh of nine thousand vertices has fifty levels): each number is told as the difference from what the rows before it
-//! suggest, through adaptive models. `FORMAT.md`, "Container", says the same in words.
+//! suggest, through adaptive models. `docs/format/container.md` says the same.
 
 use super::attributes;
 use super::chunk::{ChunkInfo, Kind, MAX_MEMORY_CODE, memory_amount, memory_code};

@@ -1,9 +1,9 @@
 //! How a vertex splits: which elements go to which child, and what appears between them.
 //!
-//! Core paper section 5.3 and Figure 6, rearranged (`FORMAT.md` has the table). A star that is a fan and is cut at one or two
-//! *loci* (an edge, where a triangle appears, or an element, which grows) takes the fast road: one choice
-//! among all pairs of loci, each scored by integers from the ring. The weights of the scores follow what was seen (one step of gradient
-//! descent on the code length after each split, in fixed point). Everything else goes
+//! Core paper section 5.3 and Figure 6, rearranged (`docs/format/connectivity.md` has the table). A star that is a fan
+//! and is cut at one or two *loci* (an edge, where a triangle appears, or an element, which grows) takes the fast path:
+//! one symbol among all pairs of loci, each scored by integers from the ring. The weights of the scores follow what was
+//! seen (one step of gradient descent on the code length after each split, in fixed point). Everything else goes
 //! element by element and neighbour by neighbour.
 
 use crate::format::coder::range::{Bit, Coder, exp_golomb};

@@ -1,9 +1,10 @@
 //! The elements around a vertex in an order that both directions find: fans, loci, neighbours.
 //!
-//! Core paper section 5.3, and the fans of `DESIGN.md`. A star is a *fan* when its elements have degree ≥ 3, every neighbour lies on at most
-//! two of them, they agree in orientation and form one cycle (closed) or one path (open). Everything else is *general*.
+//! Core paper section 5.3, and the fans of `docs/design/codec.md`. A star is a *fan* when its elements have degree ≥ 3,
+//! every neighbour lies on at most two of them, they agree in orientation and form one cycle (closed) or one path
+//! (open). Everything else is *general*.
 //!
-//! OrderedStar a fan, element `i` runs from edge `i` (its next corner after `v`) to edge `i + 1` (its previous corner).
+//! Around a fan, element `i` runs from edge `i` (its next corner after `v`) to edge `i + 1` (its previous corner).
 
 use crate::format::complex::{Faces, Star};
 

@@ -1,8 +1,8 @@
 //! Where the children of a split lie: the difference `v1 − v2`, coordinate by coordinate.
 //!
-//! `DESIGN.md`, step A: the prediction is a fraction of the difference of the two sides' centroids, its covariance has axes along
-//! the local frame (tangent, lateral, normal), and x, then y given x, then z given both are coded with their conditional means and
-//! spreads. The fraction and the spreads follow what was seen, in fixed point.
+//! `docs/design/codec.md`: the prediction is a fraction of the difference of the two sides' centroids, its covariance
+//! has axes along the local frame (tangent, lateral, normal), and x, then y given x, then z given both are coded with
+//! their conditional means and deviations. The fraction and the deviations follow what was seen, in fixed point.
 
 use crate::format::coder::density::{Density, MIN_SPREAD, Q};
 use crate::format::coder::range::Coder;

@@ -477,7 +477,7 @@ fn the_example_of_the_format_text_is_what_is_written() {
         levels: vec![LevelInfo { vertices: 1, error: ErrorBound::QUANTIZATION, ..LevelInfo::default() }],
     };
     let file = write(&header, &[Chunk::base(0, vec![0x2a])]).unwrap();
-    let text = include_str!("../../../../FORMAT.md");
+    let text = include_str!("../../../../docs/format/container.md");
     let example = text.split("<!-- checked by a test -->\n").nth(1).unwrap();
     let lines = example.lines().take_while(|l| l.starts_with("    "));
     let digits: Vec<&str> = lines.flat_map(str::split_whitespace).collect();
