@@ -16,7 +16,7 @@ use lodestream::image::preview::{Previews, add_previews};
 use lodestream::io::read::{ReadOptions, read_path};
 use lodestream::io::write::{WriteOptions, write_path};
 use lodestream::mesh::{Appearance, Image, Layer, LayerKind, Mesh, Stored};
-use lodestream::quality::picture::{Cpu, Shading, Textures, decode};
+use lodestream::quality::picture::{Shading, Textures, decode};
 use lodestream::quality::{Snapshots, ViewOptions};
 use lodestream::samples;
 use std::collections::HashMap;
@@ -96,7 +96,7 @@ fn measure(name: &str, mut mesh: Mesh, effort: Effort) {
 
     let (views, size) = effort.views();
     let options = ViewOptions { views, size, shading: Shading::Smooth };
-    let snapshots = Snapshots::new(&last(&files[0]), &Cpu, &options).expect("pictures");
+    let snapshots = Snapshots::new(&last(&files[0]), &options).expect("pictures");
     let mut known = HashMap::new();
     let curves: Vec<Vec<(u64, f64)>> = files.iter().map(|file| curve(file, &shown, &snapshots, &mut known)).collect();
     let areas: Vec<f64> = curves.iter().map(|curve| area(curve, files[0].len() as u64)).collect();
@@ -172,7 +172,7 @@ fn curve(file: &[u8], shown: &[bool], snapshots: &Snapshots, known: &mut HashMap
         }
         let quality = *known
             .entry((at, previews, pieces))
-            .or_insert_with(|| snapshots.compare(&decoder.to_mesh(), &Cpu).expect("pictures").ms_ssim);
+            .or_insert_with(|| snapshots.compare(&decoder.to_mesh()).expect("pictures").ms_ssim);
         points.push((c.end(), quality));
     }
     points

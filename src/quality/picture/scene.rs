@@ -10,61 +10,61 @@ use super::vector::{cross, normalized, sub};
 use crate::mesh::{Layer, LayerKind, Mesh, NO_VALUE, Stored};
 
 /// No normal, colour or texture coordinate of one's own.
-pub(crate) const NONE: u32 = u32::MAX;
+pub(super) const NONE: u32 = u32::MAX;
 
 /// Isolated vertices and dangling edges without a colour, in linear light.
-pub(crate) const LOOSE: [f32; 3] = [0.83, 0.4, 0.06];
+pub(super) const LOOSE: [f32; 3] = [0.83, 0.4, 0.06];
 
 /// A mesh, ready to be drawn from any side.
 pub struct Scene {
-    pub(crate) points: Vec<[f64; 3]>,
-    pub(crate) triangles: Vec<Triangle>,
-    pub(crate) normals: Vec<[f32; 3]>,
+    pub(super) points: Vec<[f64; 3]>,
+    pub(super) triangles: Vec<Triangle>,
+    pub(super) normals: Vec<[f32; 3]>,
     /// Linear light, and alpha.
-    pub(crate) colours: Vec<[f32; 4]>,
+    pub(super) colours: Vec<[f32; 4]>,
     /// v downwards.
-    pub(crate) uvs: Vec<[f32; 2]>,
-    pub(crate) materials: Vec<Paint>,
+    pub(super) uvs: Vec<[f32; 2]>,
+    pub(super) materials: Vec<Paint>,
     /// Dangling edges.
-    pub(crate) dangling: Vec<[u32; 2]>,
+    pub(super) dangling: Vec<[u32; 2]>,
     /// Edges of faces, for [`Shading::Wire`] only.
-    pub(crate) wires: Vec<[u32; 2]>,
+    pub(super) wires: Vec<[u32; 2]>,
     /// Isolated vertices and their colours.
-    pub(crate) isolated: Vec<(u32, [f32; 3])>,
+    pub(super) isolated: Vec<(u32, [f32; 3])>,
     warnings: Vec<String>,
 }
 
 /// A triangle: numbers into the scene's lists.
 #[derive(Clone, Copy)]
-pub(crate) struct Triangle {
-    pub(crate) points: [u32; 3],
-    pub(crate) normals: [u32; 3],
-    pub(crate) colours: [u32; 3],
-    pub(crate) uvs: [u32; 3],
-    pub(crate) material: u32,
+pub(super) struct Triangle {
+    pub(super) points: [u32; 3],
+    pub(super) normals: [u32; 3],
+    pub(super) colours: [u32; 3],
+    pub(super) uvs: [u32; 3],
+    pub(super) material: u32,
 }
 
 /// The values at the corners of a triangle, before anything is seen of it.
-pub(crate) struct Surface {
-    pub(crate) normals: [[f32; 3]; 3],
-    pub(crate) colours: Option<[[f32; 4]; 3]>,
-    pub(crate) uvs: Option<[[f32; 2]; 3]>,
+pub(super) struct Surface {
+    pub(super) normals: [[f32; 3]; 3],
+    pub(super) colours: Option<[[f32; 4]; 3]>,
+    pub(super) uvs: Option<[[f32; 2]; 3]>,
     /// Texels of the full image in twice the triangle; 0 without one.
-    pub(crate) texels: f64,
+    pub(super) texels: f64,
 }
 
 /// What a face is painted with.
-pub(crate) struct Paint {
-    pub(crate) factor: [f32; 4],
-    pub(crate) cutoff: Option<f32>,
-    pub(crate) texture: Option<(usize, [texture::Wrap; 2])>,
+pub(super) struct Paint {
+    pub(super) factor: [f32; 4],
+    pub(super) cutoff: Option<f32>,
+    pub(super) texture: Option<(usize, [texture::Wrap; 2])>,
     /// From texture coordinates to the image, where that is not the identity.
-    pub(crate) transform: Option<[[f32; 2]; 3]>,
+    pub(super) transform: Option<[[f32; 2]; 3]>,
     /// The image's texels in the unit square of texture coordinates.
-    pub(crate) texels: f64,
-    pub(crate) images: Textures,
+    pub(super) texels: f64,
+    pub(super) images: Textures,
     /// Without a material or colours: back faces show by their tint.
-    pub(crate) plain: bool,
+    pub(super) plain: bool,
 }
 
 impl Scene {
@@ -98,7 +98,7 @@ impl Scene {
     }
 
     /// The values at the corners of a triangle.
-    pub(crate) fn surface(&self, triangle: &Triangle) -> Surface {
+    pub(super) fn surface(&self, triangle: &Triangle) -> Surface {
         let paint = &self.materials[triangle.material as usize];
         let normals = if triangle.normals[0] == NONE {
             let [a, b, c] = triangle.points.map(|p| self.points[p as usize]);
@@ -355,7 +355,7 @@ fn materials(mesh: &Mesh, coloured: bool, textures: &Textures) -> (Vec<Paint>, V
 
 impl Paint {
     /// The decoded image and what lies beyond its edges.
-    pub(crate) fn texture(&self) -> Option<(&Texture, [texture::Wrap; 2])> {
+    pub(super) fn texture(&self) -> Option<(&Texture, [texture::Wrap; 2])> {
         let (image, wrap) = self.texture?;
         Some((self.images.get(image)?, wrap))
     }
