@@ -12,6 +12,7 @@ use lodestream::encode::quality_order::{Effort, Options, by_quality};
 use lodestream::encode::{EncodeOptions, Schedule, encode};
 use lodestream::format::container::{FileIndex, Kind, Parsed, Preview};
 use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
+use lodestream::image::is_jpeg;
 use lodestream::image::preview::{Previews, add_previews};
 use lodestream::io::read::{ReadOptions, read_path};
 use lodestream::io::write::{WriteOptions, write_path};
@@ -128,7 +129,7 @@ fn measure(name: &str, mut mesh: Mesh, effort: Effort) {
 fn to_jpeg(image: &mut Image, colour: bool) {
     let Ok(pixels) = decode(&image.bytes) else { return };
     let fits = pixels.width <= 65_000 && pixels.height <= 65_000;
-    if image.bytes.starts_with(&[0xff, 0xd8]) || !fits || pixels.rgba.chunks_exact(4).any(|p| p[3] < 255) {
+    if is_jpeg(&image.bytes) || !fits || pixels.rgba.chunks_exact(4).any(|p| p[3] < 255) {
         return;
     }
     let mut out = Vec::new();

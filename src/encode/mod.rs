@@ -5,6 +5,7 @@ pub mod cost;
 #[cfg(feature = "quality")]
 pub mod quality_order;
 mod schedule;
+mod sets;
 pub mod simplify;
 pub mod trace;
 
@@ -13,6 +14,7 @@ pub use schedule::Schedule;
 
 use self::attributes::{Parts, quantize_attributes};
 use crate::encode::cost::Engine;
+use crate::encode::sets::Sets;
 use crate::encode::simplify::{LevelsError, SimplifyOptions, encode_levels, reorder, simplify_on};
 use crate::format::appearance::{AppearanceError, code_appearance};
 use crate::format::attributes::{ExtraAttributes, Value, code_extra_attributes};
@@ -498,23 +500,8 @@ fn segment(f: &[u32]) -> Option<[u32; 2]> {
 
 /// Connected components of `n` vertices through the elements of the mesh.
 fn components(n: usize, mesh: &Mesh) -> u32 {
-    let mut root: Vec<u32> = (0..n as u32).collect();
-    fn find(root: &mut [u32], mut v: u32) -> u32 {
-        while root[v as usize] != v {
-            root[v as usize] = root[root[v as usize] as usize];
-            v = root[v as usize];
-        }
-        v
-    }
-    let mut count = n as u32;
-    for f in mesh.faces() {
-        for &v in &f[1..] {
-            let (a, b) = (find(&mut root, f[0]), find(&mut root, v));
-            if a != b {
-                root[a.max(b) as usize] = a.min(b);
-                count -= 1;
-            }
-        }
-    }
-    count
+    let mut sets = Sets::default();
+    sets.reset(n as u32);
+    let joined = mesh.faces().flat_map(|f| f[1..].iter().map(move |&v| (f[0], v))).filter(|&(a, b)| sets.join(a, b));
+    n as u32 - joined.count() as u32
 }

@@ -4,6 +4,7 @@
 //! value is blended within two neighbouring sizes and between them (trilinear), so that a picture changes gently with the size of
 //! the triangles that the texture lies on.
 
+use crate::image::signature::media_type;
 use std::io::Cursor;
 use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
@@ -29,10 +30,10 @@ pub struct Pixels {
 /// One line on what is wrong: another format, a damaged file, too many pixels.
 pub fn decode(bytes: &[u8]) -> Result<Pixels, String> {
     let line = |text: String| text.split_whitespace().collect::<Vec<&str>>().join(" ");
-    match bytes {
-        [] => Err("the image was not there".into()),
-        [0x89, b'P', b'N', b'G', ..] => decode_png(bytes).map_err(|e| format!("not a sound PNG file: {}", line(e))),
-        [0xff, 0xd8, ..] => decode_jpeg(bytes).map_err(|e| format!("not a sound JPEG file: {}", line(e))),
+    match media_type(bytes) {
+        _ if bytes.is_empty() => Err("the image was not there".into()),
+        Some("image/png") => decode_png(bytes).map_err(|e| format!("not a sound PNG file: {}", line(e))),
+        Some("image/jpeg") => decode_jpeg(bytes).map_err(|e| format!("not a sound JPEG file: {}", line(e))),
         _ => Err("neither PNG nor JPEG; other images are not drawn".into()),
     }
 }

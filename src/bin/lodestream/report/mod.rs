@@ -1,6 +1,5 @@
 //! `lodestream report`: what each prefix of a file costs and is worth, on one page that opens anywhere.
 
-mod chart;
 mod measure;
 mod page;
 
