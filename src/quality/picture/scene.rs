@@ -6,8 +6,9 @@ use super::Shading;
 use super::material::Material;
 use super::texture::{self, Texture, to_linear};
 use super::textures::Textures;
-use super::vector::{cross, normalized, sub};
+use super::vector::unit;
 use crate::mesh::{Layer, LayerKind, Mesh, NO_VALUE, Stored};
+use glam::DVec3;
 
 /// No normal, colour or texture coordinate of one's own.
 pub(super) const NONE: u32 = u32::MAX;
@@ -101,8 +102,8 @@ impl Scene {
     pub(super) fn surface(&self, triangle: &Triangle) -> Surface {
         let paint = &self.materials[triangle.material as usize];
         let normals = if triangle.normals[0] == NONE {
-            let [a, b, c] = triangle.points.map(|p| self.points[p as usize]);
-            [normalized(cross(sub(b, a), sub(c, a))).map(|c| c as f32); 3]
+            let [a, b, c] = triangle.points.map(|p| DVec3::from(self.points[p as usize]));
+            [unit((b - a).cross(c - a)).as_vec3().to_array(); 3]
         } else {
             triangle.normals.map(|n| self.normals[n as usize])
         };
@@ -204,13 +205,13 @@ impl<'a> Builder<'a> {
     fn run(mut self) -> Scene {
         // Where normals of vertices begin, when there are none in the file.
         let computed = self.scene.normals.len() as u32;
-        let face_normals: Vec<[f64; 3]> = self.mesh.faces().map(|face| self.newell(face)).collect();
+        let face_normals: Vec<DVec3> = self.mesh.faces().map(|face| self.newell(face)).collect();
         if self.smooth && self.normal.is_none() {
-            let mut sums = vec![[0.0; 3]; self.mesh.positions.len()];
-            for (face, n) in self.mesh.faces().zip(&face_normals) {
-                face.iter().for_each(|&v| (0..3).for_each(|k| sums[v as usize][k] += n[k]));
+            let mut sums = vec![DVec3::ZERO; self.mesh.positions.len()];
+            for (face, &n) in self.mesh.faces().zip(&face_normals) {
+                face.iter().for_each(|&v| sums[v as usize] += n);
             }
-            self.scene.normals.extend(sums.into_iter().map(|n| normalized(n).map(|c| c as f32)));
+            self.scene.normals.extend(sums.into_iter().map(|n| unit(n).as_vec3().to_array()));
         }
         for (f, &face_normal) in face_normals.iter().enumerate() {
             let face = self.mesh.face(f);
@@ -225,7 +226,7 @@ impl<'a> Builder<'a> {
             let flat = if self.smooth && self.normal.is_none() {
                 NONE
             } else {
-                self.scene.normals.push(normalized(face_normal).map(|c| c as f32));
+                self.scene.normals.push(unit(face_normal).as_vec3().to_array());
                 self.scene.normals.len() as u32 - 1
             };
             let corner = |i: usize| {
@@ -288,7 +289,7 @@ impl<'a> Builder<'a> {
         if let Some(all) = all(|c| c.normal) {
             let n = mean(all.iter().map(|&i| wide(scene.normals[i])).collect());
             middle.normal = scene.normals.len() as u32;
-            scene.normals.push(normalized([n[0], n[1], n[2]]).map(|c| c as f32));
+            scene.normals.push(unit(DVec3::new(n[0], n[1], n[2])).as_vec3().to_array());
         }
         if let Some(all) = all(|c| c.colour) {
             let c = mean(all.iter().map(|&i| wide(scene.colours[i])).collect());
@@ -304,14 +305,9 @@ impl<'a> Builder<'a> {
     }
 
     /// Twice the area vector of a polygon.
-    fn newell(&self, face: &[u32]) -> [f64; 3] {
-        let p = |i: usize| self.mesh.positions[face[i] as usize];
-        let mut sum = [0.0; 3];
-        for i in 1..face.len().saturating_sub(1) {
-            let n = cross(sub(p(i), p(0)), sub(p(i + 1), p(0)));
-            (0..3).for_each(|k| sum[k] += n[k]);
-        }
-        sum
+    fn newell(&self, face: &[u32]) -> DVec3 {
+        let p = |i: usize| DVec3::from(self.mesh.positions[face[i] as usize]);
+        (1..face.len().saturating_sub(1)).map(|i| (p(i) - p(0)).cross(p(i + 1) - p(0))).sum()
     }
 }
 

@@ -4,9 +4,10 @@
 
 use super::scene::{LOOSE, Scene};
 use super::texture::{to_linear, to_srgb};
-use super::vector::normalized;
+use super::vector::unit;
 use super::view::View;
 use crate::parallel;
+use glam::DVec3;
 
 /// What is behind the mesh.
 const BACKGROUND: [u8; 3] = [38, 42, 50];
@@ -19,7 +20,7 @@ pub(super) const PARTS: f64 = 256.0;
 /// Coordinates beyond it, in parts, are drawn to there.
 const FAR: f64 = (1i64 << 28) as f64;
 /// From where the light comes most: right, up, towards the eye.
-const LAMP: [f64; 3] = [-0.48, 0.6, 0.64];
+const LAMP: DVec3 = DVec3::new(-0.48, 0.6, 0.64);
 /// Steps between no light and full light that have a code of their own.
 pub(super) const CODES: usize = 4096;
 
@@ -66,8 +67,9 @@ impl Screen {
             };
             scene.points[range].iter().map(see).collect::<Vec<Seen>>()
         });
-        let lamp = normalized(LAMP);
-        let lamp = std::array::from_fn(|k| (0..3).map(|i| lamp[i] * view.axes[i][k]).sum::<f64>() as f32);
+        let lamp = unit(LAMP);
+        let [right, up, towards] = view.axes;
+        let lamp = (lamp.x * right + lamp.y * up + lamp.z * towards).as_vec3().to_array();
         Screen { seen: seen.concat(), lamp, width, height }
     }
 
