@@ -12,11 +12,12 @@ use lodestream::encode::quality_order::{Effort, Options, by_quality};
 use lodestream::encode::{EncodeOptions, Schedule, encode};
 use lodestream::format::container::{FileIndex, Kind, Parsed, Preview};
 use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
+use lodestream::image::is_jpeg;
 use lodestream::image::preview::{Previews, add_previews};
 use lodestream::io::read::{ReadOptions, read_path};
 use lodestream::io::write::{WriteOptions, write_path};
 use lodestream::mesh::{Appearance, Image, Layer, LayerKind, Mesh, Stored};
-use lodestream::quality::picture::{Cpu, Shading, Textures, decode};
+use lodestream::quality::picture::{Shading, Textures, decode};
 use lodestream::quality::{Snapshots, ViewOptions};
 use lodestream::samples;
 use std::collections::HashMap;
@@ -96,7 +97,7 @@ fn measure(name: &str, mut mesh: Mesh, effort: Effort) {
 
     let (views, size) = effort.views();
     let options = ViewOptions { views, size, shading: Shading::Smooth };
-    let snapshots = Snapshots::new(&last(&files[0]), &Cpu, &options).expect("pictures");
+    let snapshots = Snapshots::new(&last(&files[0]), &options).expect("pictures");
     let mut known = HashMap::new();
     let curves: Vec<Vec<(u64, f64)>> = files.iter().map(|file| curve(file, &shown, &snapshots, &mut known)).collect();
     let areas: Vec<f64> = curves.iter().map(|curve| area(curve, files[0].len() as u64)).collect();
@@ -128,7 +129,7 @@ fn measure(name: &str, mut mesh: Mesh, effort: Effort) {
 fn to_jpeg(image: &mut Image, colour: bool) {
     let Ok(pixels) = decode(&image.bytes) else { return };
     let fits = pixels.width <= 65_000 && pixels.height <= 65_000;
-    if image.bytes.starts_with(&[0xff, 0xd8]) || !fits || pixels.rgba.chunks_exact(4).any(|p| p[3] < 255) {
+    if is_jpeg(&image.bytes) || !fits || pixels.rgba.chunks_exact(4).any(|p| p[3] < 255) {
         return;
     }
     let mut out = Vec::new();
@@ -172,7 +173,7 @@ fn curve(file: &[u8], shown: &[bool], snapshots: &Snapshots, known: &mut HashMap
         }
         let quality = *known
             .entry((at, previews, pieces))
-            .or_insert_with(|| snapshots.compare(&decoder.to_mesh(), &Cpu).expect("pictures").ms_ssim);
+            .or_insert_with(|| snapshots.compare(&decoder.to_mesh()).expect("pictures").ms_ssim);
         points.push((c.end(), quality));
     }
     points

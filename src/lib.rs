@@ -99,9 +99,15 @@ pub mod image;
 pub mod ingest;
 #[cfg(feature = "formats")]
 pub mod io;
+mod leb128;
 pub mod mesh;
+#[cfg(feature = "ingest")]
+#[doc(hidden)]
+pub mod page;
 mod parallel;
 pub mod quality;
+#[cfg(any(feature = "encode", feature = "formats", feature = "samples", test))]
+mod random;
 #[cfg(feature = "samples")]
 #[doc(hidden)]
 pub mod samples;

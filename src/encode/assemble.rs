@@ -4,6 +4,7 @@ use super::attributes::{Parts, QuantizedAttributes, quantize_attributes};
 use super::cost::Engine;
 use super::levels::{EncodedLevels, LevelsError, encode_levels};
 use super::schedule::{self, Pictures};
+use super::sets::Sets;
 use super::simplify::{History, SimplifyOptions, reorder, simplify_on};
 use super::trace::Trace;
 use super::{BitsByKind, Control, EncodeError, EncodeOptions, EncodeReport, Encoded, ImageReport, Stage};
@@ -428,23 +429,8 @@ fn segment(f: &[u32]) -> Option<[u32; 2]> {
 
 /// Connected components of `n` vertices through the elements of the mesh.
 fn components(n: usize, mesh: &Mesh) -> u32 {
-    let mut root: Vec<u32> = (0..n as u32).collect();
-    fn find(root: &mut [u32], mut v: u32) -> u32 {
-        while root[v as usize] != v {
-            root[v as usize] = root[root[v as usize] as usize];
-            v = root[v as usize];
-        }
-        v
-    }
-    let mut count = n as u32;
-    for f in mesh.faces() {
-        for &v in &f[1..] {
-            let (a, b) = (find(&mut root, f[0]), find(&mut root, v));
-            if a != b {
-                root[a.max(b) as usize] = a.min(b);
-                count -= 1;
-            }
-        }
-    }
-    count
+    let mut sets = Sets::default();
+    sets.reset(n as u32);
+    let joined = mesh.faces().flat_map(|f| f[1..].iter().map(move |&v| (f[0], v))).filter(|&(a, b)| sets.join(a, b));
+    n as u32 - joined.count() as u32
 }

@@ -11,6 +11,7 @@ pub mod pipeline;
 #[cfg(feature = "quality")]
 pub mod quality_order;
 mod schedule;
+mod sets;
 #[doc(hidden)]
 pub mod simplify;
 #[doc(hidden)]

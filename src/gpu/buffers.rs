@@ -49,12 +49,6 @@ impl Growing {
         self.buffer.size()
     }
 
-    /// Let the next submission begin with zeros in it.
-    #[cfg(feature = "images")]
-    pub fn clear(&self, encoder: &mut wgpu::CommandEncoder) {
-        encoder.clear_buffer(&self.buffer, 0, None);
-    }
-
     pub fn binding(&self, binding: u32) -> wgpu::BindGroupEntry<'_> {
         wgpu::BindGroupEntry { binding, resource: self.buffer.as_entire_binding() }
     }

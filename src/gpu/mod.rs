@@ -11,15 +11,12 @@
 //!   done where it does not fit.
 //! - [`GpuWeights`]: the evaluator of edge weights, twin of [`Cpu`](crate::encode::cost::Cpu).
 //! - [`SharedGpu`]: the same for several jobs at a time.
-//! - [`GpuRenderer`]: pictures, twin of [`picture::Cpu`](crate::quality::picture::Cpu).
 //! - [`distances`]: of points to triangles, and the twin; [`seam_displacements`]: of seams by collapses.
 
 mod buffers;
 mod device;
 mod error;
 mod hausdorff;
-#[cfg(feature = "images")]
-mod paint;
 mod resident;
 mod seams;
 mod shader;
@@ -32,8 +29,6 @@ pub use crate::encode::cost::DeviceChoice;
 pub use device::{Device, DeviceInfo, DeviceKind, DeviceOptions, devices, select_device};
 pub use error::DeviceError;
 pub use hausdorff::{Distances, distances};
-#[cfg(feature = "images")]
-pub use paint::GpuRenderer;
 pub use seams::seam_displacements;
 pub use shared::SharedGpu;
 pub use weights::GpuWeights;

@@ -42,7 +42,7 @@ pub const FAN_POLYGON: u32 = 2;
 pub const FAN_NONE: u32 = 3;
 
 /// All files, by name.
-pub const FILES: [(&str, &str); 11] = [
+pub const FILES: [(&str, &str); 7] = [
     ("triangle.wgsl", include_str!("../../shaders/triangle.wgsl")),
     ("level.wgsl", include_str!("../../shaders/level.wgsl")),
     ("apply.wgsl", include_str!("../../shaders/apply.wgsl")),
@@ -50,10 +50,6 @@ pub const FILES: [(&str, &str); 11] = [
     ("edge_weight.wgsl", include_str!("../../shaders/edge_weight.wgsl")),
     ("seam_displacement.wgsl", include_str!("../../shaders/seam_displacement.wgsl")),
     ("hausdorff.wgsl", include_str!("../../shaders/hausdorff.wgsl")),
-    ("scene.wgsl", include_str!("../../shaders/scene.wgsl")),
-    ("raster.wgsl", include_str!("../../shaders/raster.wgsl")),
-    ("shade.wgsl", include_str!("../../shaders/shade.wgsl")),
-    ("finish.wgsl", include_str!("../../shaders/finish.wgsl")),
 ];
 
 /// The text of a file with its includes in place; an unknown name is empty, and so refused by any validator.

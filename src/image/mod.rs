@@ -5,3 +5,6 @@ pub mod jpeg;
 pub mod preview;
 #[cfg(feature = "recompress")]
 pub mod recompress;
+pub(crate) mod signature;
+
+pub use signature::is_jpeg;

@@ -5,6 +5,8 @@ use super::Summary;
 use super::error::{Failure, IngestError};
 use super::job::{Record, Status};
 use super::output::{Staged, Staging};
+use crate::page;
+use maud::{Markup, PreEscaped, html};
 use std::io::{self, BufRead, BufReader, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
@@ -92,60 +94,47 @@ fn json(out: &mut impl Write, spool: &mut Staged, summary: &Summary) -> io::Resu
     writeln!(out, "\n]\n}}")
 }
 
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
-
 fn html(out: &mut impl Write, spool: &mut Staged, summary: &Summary) -> io::Result<()> {
-    writeln!(
-        out,
-        "<!doctype html><html lang=en><meta charset=utf-8><title>lodestream ingest</title><style>\
-         body{{font:15px/1.5 system-ui,sans-serif;margin:2rem auto;max-width:75rem;padding:0 1rem;color:#222}}\
-         table{{border-collapse:collapse;width:100%}}td,th{{padding:.25rem .6rem;border-bottom:1px solid #ddd;text-align:left}}\
-         td.n{{text-align:right;font-variant-numeric:tabular-nums}}.failed{{background:#fde8e8}}.skipped{{color:#777}}\
-         dl{{display:grid;grid-template-columns:max-content 1fr;gap:.2rem 1.5rem}}dt{{color:#666}}dd{{margin:0}}</style>\
-         <h1>lodestream ingest</h1><dl>"
-    )?;
-    for (label, value) in summary.rows() {
-        writeln!(out, "<dt>{}<dd>{}", escape(&label), escape(&value))?;
-    }
-    writeln!(out, "</dl>")?;
+    let head = html! {
+        (page::head("lodestream ingest"))
+        h1 { "lodestream ingest" }
+        dl { @for (label, value) in summary.rows() { dt { (label) } dd { (value) } } }
+    };
+    out.write_all(head.into_string().as_bytes())?;
     // Failures first: they are what somebody has to look at.
     for (title, failed) in [("Failures", true), ("Files", false)] {
         if failed && summary.failed() == 0 {
             continue;
         }
-        writeln!(
-            out,
-            "<h2>{title}</h2><table><tr><th>source<th>output<th>status<th>vertices<th>bytes in<th>bytes out<th>seconds<th>notes"
-        )?;
+        let heads = ["source", "output", "status", "vertices", "bytes in", "bytes out", "seconds", "notes"];
+        let start = html! { h2 { (title) } (PreEscaped("<table>")) tr { @for head in heads { th { (head) } } } };
+        out.write_all(start.into_string().as_bytes())?;
         each(spool, |line| {
             let value: serde_json::Value = serde_json::from_str(line)?;
-            let is_failed = value["status"] == "failed";
-            if is_failed != failed {
+            if (value["status"] == "failed") != failed {
                 return Ok(());
             }
-            let text = |key: &str| escape(value[key].as_str().unwrap_or(""));
-            let number = |key: &str| value[key].as_u64().unwrap_or(0);
-            let seconds: f64 = value["seconds"].as_object().into_iter().flatten().filter_map(|(_, v)| v.as_f64()).sum();
-            let warnings = value["warnings"].as_array().into_iter().flatten().filter_map(|w| w.as_str());
-            let notes: Vec<String> = value["error"].as_str().into_iter().chain(warnings).map(escape).collect();
-            writeln!(
-                out,
-                "<tr class={}><td>{}<td>{}<td>{}<td class=n>{}<td class=n>{}<td class=n>{}<td class=n>{seconds:.2}<td>{}",
-                text("status"),
-                text("source"),
-                text("output"),
-                text("status"),
-                number("vertices"),
-                number("bytes_in"),
-                number("bytes_out"),
-                notes.join("<br>")
-            )
+            out.write_all(row(&value).into_string().as_bytes())
         })?;
         writeln!(out, "</table>")?;
     }
-    Ok(())
+    out.write_all(page::END.as_bytes())
+}
+
+/// The row of one file.
+fn row(value: &serde_json::Value) -> Markup {
+    let text = |key: &str| value[key].as_str().unwrap_or("");
+    let seconds: f64 = value["seconds"].as_object().into_iter().flatten().filter_map(|(_, v)| v.as_f64()).sum();
+    let warnings = value["warnings"].as_array().into_iter().flatten().filter_map(|w| w.as_str());
+    html! {
+        tr class=(text("status")) {
+            @for key in ["source", "output", "status"] { td.w { (text(key)) } }
+            @for key in ["vertices", "bytes_in", "bytes_out"] { td { (value[key].as_u64().unwrap_or(0)) } }
+            td { (format!("{seconds:.2}")) }
+            td.w { @for note in value["error"].as_str().into_iter().chain(warnings) { (note) br; } }
+        }
+        "\n"
+    }
 }
 
 impl Summary {
@@ -177,12 +166,7 @@ impl Summary {
     /// The final table, as labels and values.
     pub fn rows(&self) -> Vec<(String, String)> {
         let rate = |n: u64| if self.seconds > 0.0 { n as f64 / self.seconds } else { 0.0 };
-        let count = |n: u64| {
-            let digits = n.to_string();
-            let groups: Vec<&str> =
-                digits.as_bytes().rchunks(3).rev().filter_map(|g| std::str::from_utf8(g).ok()).collect();
-            groups.join(",")
-        };
+        let count = page::thousands;
         let bytes = |n: u64| match n {
             0..10_000 => format!("{} B", count(n)),
             10_000..1_000_000 => format!("{:.1} kB", n as f64 / 1e3),

@@ -5,8 +5,8 @@
 
 use super::ssim::{MIN_SIDE, SsimError, ms_ssim};
 use crate::mesh::Mesh;
-use crate::quality::picture::{Picture, Renderer, Scene, Shading, View};
-use std::sync::{Mutex, PoisonError};
+use crate::parallel;
+use crate::quality::picture::{Picture, Scene, Shading, View, draw};
 
 /// Cameras, at most.
 pub const MAX_VIEWS: usize = 42;
@@ -72,25 +72,23 @@ impl Snapshots {
     ///
     /// # Errors
     /// [`SsimError::Small`] where pictures of that size cannot be compared.
-    pub fn new(mesh: &Mesh, renderer: &dyn Renderer, options: &ViewOptions) -> Result<Self, SsimError> {
+    pub fn new(mesh: &Mesh, options: &ViewOptions) -> Result<Self, SsimError> {
         let scene = Scene::new(mesh, options.shading);
-        Snapshots::of(&scene, mesh, renderer, options)
+        Snapshots::of(&scene, mesh, options)
     }
 
     /// The same of a scene that was made of the mesh before.
     ///
     /// # Errors
     /// As [`Snapshots::new`].
-    pub fn of(scene: &Scene, mesh: &Mesh, renderer: &dyn Renderer, options: &ViewOptions) -> Result<Self, SsimError> {
+    pub fn of(scene: &Scene, mesh: &Mesh, options: &ViewOptions) -> Result<Self, SsimError> {
         if options.size < MIN_SIDE {
             return Err(SsimError::Small(options.size, options.size));
         }
         let count = options.views.clamp(1, MAX_VIEWS);
         let views: Vec<View> =
             directions()[..count].iter().map(|&d| View::around(mesh, d).perspective(FIELD)).collect();
-        let pictures = in_order(|put| {
-            renderer.draw_each(scene, &views, options.size, options.size, put);
-        });
+        let pictures = parallel::map(views.iter().collect(), |view| draw(scene, view, options.size, options.size));
         Ok(Snapshots { warnings: scene.warnings().to_vec(), views, pictures, options: *options })
     }
 
@@ -108,39 +106,26 @@ impl Snapshots {
     ///
     /// # Errors
     /// None that a snapshot of a sufficient size leaves.
-    pub fn compare(&self, mesh: &Mesh, renderer: &dyn Renderer) -> Result<Appearance, SsimError> {
-        self.compare_scene(&Scene::new(mesh, self.options.shading), renderer)
+    pub fn compare(&self, mesh: &Mesh) -> Result<Appearance, SsimError> {
+        self.compare_scene(&Scene::new(mesh, self.options.shading))
     }
 
     /// The same of a scene that was made of the other mesh before.
     ///
     /// # Errors
     /// As [`Snapshots::compare`].
-    pub fn compare_scene(&self, scene: &Scene, renderer: &dyn Renderer) -> Result<Appearance, SsimError> {
+    pub fn compare_scene(&self, scene: &Scene) -> Result<Appearance, SsimError> {
         let size = self.options.size;
-        let scores = in_order(|put| {
-            renderer.draw_each(scene, &self.views, size, size, &|i, picture| {
-                put(i, self.pictures.get(i).map_or(Ok(0.0), |own| ms_ssim(own, &picture)));
-            });
-        });
+        let pairs = self.views.iter().zip(&self.pictures).collect();
+        let scores: Vec<_> = parallel::map(pairs, |(view, own)| ms_ssim(own, &draw(scene, view, size, size)));
         let views: Vec<f64> = scores.into_iter().collect::<Result<_, _>>()?;
         Ok(Appearance { ms_ssim: views.iter().sum::<f64>() / views.len().max(1) as f64, views })
     }
 }
 
-/// What `work` hands over with numbers, from any thread, in the order of the numbers.
-fn in_order<T: Send>(work: impl FnOnce(&(dyn Fn(usize, T) + Sync))) -> Vec<T> {
-    let list = Mutex::new(Vec::new());
-    work(&|i, value| list.lock().unwrap_or_else(PoisonError::into_inner).push((i, value)));
-    let mut list = list.into_inner().unwrap_or_else(PoisonError::into_inner);
-    list.sort_by_key(|(i, _)| *i);
-    list.into_iter().map(|(_, value)| value).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::quality::picture::Cpu;
     use crate::samples;
 
     #[test]
@@ -161,10 +146,10 @@ mod tests {
     fn coarser_is_less_alike() {
         let fine = samples::asteroid(16, 4);
         let options = ViewOptions { views: 6, size: 176, shading: Shading::Smooth };
-        let snapshots = Snapshots::new(&fine, &Cpu, &options).unwrap();
-        assert_eq!(snapshots.compare(&fine, &Cpu).unwrap().ms_ssim, 1.0);
-        let scores = [12, 6, 2].map(|n| snapshots.compare(&samples::asteroid(n, 4), &Cpu).unwrap().ms_ssim);
+        let snapshots = Snapshots::new(&fine, &options).unwrap();
+        assert_eq!(snapshots.compare(&fine).unwrap().ms_ssim, 1.0);
+        let scores = [12, 6, 2].map(|n| snapshots.compare(&samples::asteroid(n, 4)).unwrap().ms_ssim);
         assert!(scores[0] < 1.0 && scores[0] > scores[1] && scores[1] > scores[2] && scores[2] > 0.2, "{scores:?}");
-        assert!(Snapshots::new(&fine, &Cpu, &ViewOptions { size: 100, ..options }).is_err());
+        assert!(Snapshots::new(&fine, &ViewOptions { size: 100, ..options }).is_err());
     }
 }

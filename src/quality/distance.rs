@@ -7,9 +7,10 @@
 //!
 //! A sampled maximum is a lower bound of the Hausdorff distance; mean and root mean square converge quickly.
 
-use super::surface::{Surface, V, cross, dot, nearest_weights, sub};
+use super::surface::{Surface, nearest_weights};
 use crate::mesh::Mesh;
 use crate::parallel;
+use glam::DVec3;
 
 /// Samples that one task looks up.
 const BLOCK: usize = 4096;
@@ -105,10 +106,7 @@ impl<'a> Sampled<'a> {
     pub fn new(mesh: &'a Mesh) -> Self {
         let surface = Surface::new(mesh);
         let local = surface.local();
-        let areas = running(local.iter().map(|t| {
-            let n = cross(sub(t[1], t[0]), sub(t[2], t[0]));
-            0.5 * dot(n, n).sqrt()
-        }));
+        let areas = running(local.iter().map(|t| 0.5 * (t[1] - t[0]).cross(t[2] - t[0]).length()));
         let mut seen = vec![false; mesh.positions.len()];
         let mut vertices = Vec::with_capacity(mesh.positions.len());
         let mut edges = Vec::with_capacity(local.len() * 3 / 2);
@@ -137,8 +135,8 @@ impl<'a> Sampled<'a> {
         }
         let edges = once(edges, mesh.positions.len());
         let lengths = running(edges.iter().map(|e| {
-            let d = sub(mesh.positions[e[1] as usize], mesh.positions[e[0] as usize]);
-            dot(d, d).sqrt()
+            let [a, b] = e.map(|v| DVec3::from(mesh.positions[v as usize]));
+            a.distance(b)
         }));
         Sampled { surface, mesh, vertices, edges, lengths, areas }
     }
@@ -162,7 +160,7 @@ impl<'a> Sampled<'a> {
             self.sum(other, vertices, |block, f| {
                 let pick =
                     |k: usize| self.vertices[(k as u128 * self.vertices.len() as u128 / vertices as u128) as usize];
-                block.for_each(|k| f(self.mesh.positions[pick(k) as usize]));
+                block.for_each(|k| f(self.mesh.positions[pick(k) as usize].into()));
             }),
             self.sum(other, edges, |block, f| self.along_edges(block, edges, options.weights, f)),
             self.sum(other, faces, |block, f| self.on_faces(block, faces, |_, _, x| f(x))),
@@ -181,7 +179,7 @@ impl<'a> Sampled<'a> {
             mean: total(|p| p.sum) / count,
             rms: (total(|p| p.squares) / count).sqrt(),
             max: worst.max.sqrt(),
-            farthest: worst.farthest,
+            farthest: worst.farthest.to_array(),
             vertices,
             edges,
             faces,
@@ -190,7 +188,7 @@ impl<'a> Sampled<'a> {
 
     /// The samples `block` of `of` along the edges: at equal steps of the running length, or the same number on each edge but
     /// evenly between its ends, as PyMeshLab places them (which keeps off the ends of short edges).
-    fn along_edges(&self, block: std::ops::Range<usize>, of: usize, weights: Weights, f: &mut dyn FnMut(V)) {
+    fn along_edges(&self, block: std::ops::Range<usize>, of: usize, weights: Weights, f: &mut dyn FnMut(DVec3)) {
         let step = self.lengths[self.lengths.len() - 1] / of as f64;
         let mut e = 0;
         for k in block {
@@ -206,13 +204,13 @@ impl<'a> Sampled<'a> {
                 (at - before) / length
             };
             let t = if t.is_finite() { t.clamp(0.0, 1.0) } else { 0.5 };
-            let [a, b] = self.edges[e].map(|v| self.mesh.positions[v as usize]);
-            f(std::array::from_fn(|c| a[c] + t * (b[c] - a[c])));
+            let [a, b] = self.edges[e].map(|v| DVec3::from(self.mesh.positions[v as usize]));
+            f(a + t * (b - a));
         }
     }
 
     /// The samples `block` of `of` on the faces: triangle, barycentric weights, point.
-    pub(super) fn on_faces(&self, block: std::ops::Range<usize>, of: usize, mut f: impl FnMut(u32, [f64; 3], V)) {
+    pub(super) fn on_faces(&self, block: std::ops::Range<usize>, of: usize, mut f: impl FnMut(u32, [f64; 3], DVec3)) {
         let Some(&area) = self.areas.last() else { return };
         let step = area / of as f64;
         let centre = self.surface.centre();
@@ -227,7 +225,7 @@ impl<'a> Sampled<'a> {
             }
             let w = [1.0 - u - v, u, v];
             let [a, b, c] = self.surface.local()[t];
-            f(t as u32, w, std::array::from_fn(|i| w[0] * a[i] + w[1] * b[i] + w[2] * c[i] + centre[i]));
+            f(t as u32, w, w[0] * a + w[1] * b + w[2] * c + centre);
         }
     }
 
@@ -235,7 +233,7 @@ impl<'a> Sampled<'a> {
         &self,
         other: &Surface,
         count: usize,
-        samples: impl Fn(std::ops::Range<usize>, &mut dyn FnMut(V)) + Sync + Send,
+        samples: impl Fn(std::ops::Range<usize>, &mut dyn FnMut(DVec3)) + Sync + Send,
     ) -> Sum {
         if count == 0 {
             return Sum::default();
@@ -243,7 +241,7 @@ impl<'a> Sampled<'a> {
         let blocks = parallel::map(parallel::ranges(count, BLOCK), |block| {
             let (mut sum, mut hint) = (Sum::default(), 0);
             samples(block, &mut |x| {
-                let Some(nearest) = other.nearest(x, hint) else { return };
+                let Some(nearest) = other.nearest(x.to_array(), hint) else { return };
                 hint = nearest.triangle;
                 sum.add(x, nearest.distance2);
             });
@@ -282,15 +280,12 @@ pub fn geometry_of(a: &Sampled<'_>, b: &Sampled<'_>, options: &SampleOptions) ->
 
 /// The diagonal of the bounding box, 0 without vertices.
 pub fn diagonal(mesh: &Mesh) -> f64 {
-    mesh.bounds().map_or(0.0, |(lo, hi)| {
-        let d = sub(hi, lo);
-        dot(d, d).sqrt()
-    })
+    mesh.bounds().map_or(0.0, |(lo, hi)| DVec3::from(lo).distance(DVec3::from(hi)))
 }
 
 /// The point of a triangle nearest to `x`, as barycentric weights.
-pub(super) fn foot(surface: &Surface, triangle: u32, x: V) -> [f64; 3] {
-    nearest_weights(sub(x, surface.centre()), &surface.local()[triangle as usize])
+pub(super) fn foot(surface: &Surface, triangle: u32, x: DVec3) -> [f64; 3] {
+    nearest_weights(x - surface.centre(), &surface.local()[triangle as usize])
 }
 
 /// What a block of samples gave; distances squared where named so.
@@ -300,11 +295,11 @@ struct Sum {
     sum: f64,
     squares: f64,
     max: f64,
-    farthest: V,
+    farthest: DVec3,
 }
 
 impl Sum {
-    fn add(&mut self, x: V, distance2: f64) {
+    fn add(&mut self, x: DVec3, distance2: f64) {
         if self.count == 0 || distance2 > self.max {
             (self.max, self.farthest) = (distance2, x);
         }

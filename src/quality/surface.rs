@@ -10,8 +10,7 @@
 //! Leaves are in spatial order, which sampling uses too: a sample near the last one begins with its nearest triangle as a bound.
 
 use crate::mesh::Mesh;
-
-pub(super) type V = [f64; 3];
+use glam::DVec3;
 
 /// Triangles in a leaf, at most.
 const LEAF: usize = 4;
@@ -20,18 +19,6 @@ const LEAF: usize = 4;
 const SERIAL: usize = 1 << 14;
 /// What lies behind a child without triangles.
 const EMPTY: u8 = u8::MAX;
-
-pub(super) fn sub(a: V, b: V) -> V {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-pub(super) fn dot(a: V, b: V) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub(super) fn cross(a: V, b: V) -> V {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
 
 /// Where a triangle of a [`Surface`] comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,8 +52,8 @@ struct Node {
 
 /// A mesh, ready for nearest points.
 pub struct Surface {
-    centre: V,
-    triangles: Vec<[V; 3]>,
+    centre: DVec3,
+    triangles: Vec<[DVec3; 3]>,
     origins: Vec<Origin>,
     nodes: Vec<Node>,
 }
@@ -79,25 +66,22 @@ struct Item {
 impl Surface {
     /// Build the tree; the mesh is taken to be valid ([`Mesh::validate`]).
     pub fn new(mesh: &Mesh) -> Self {
-        let centre = mesh.bounds().map_or([0.0; 3], |(lo, hi)| std::array::from_fn(|k| 0.5 * lo[k] + 0.5 * hi[k]));
+        let centre = mesh.bounds().map_or(DVec3::ZERO, |(lo, hi)| 0.5 * DVec3::from(lo) + 0.5 * DVec3::from(hi));
         let (triangles, origins) = triangles(mesh, centre);
         let mut items: Vec<Item> = triangles
             .iter()
             .enumerate()
             .map(|(i, t)| {
-                let range = |k: usize| (t[0][k].min(t[1][k]).min(t[2][k]), t[0][k].max(t[1][k]).max(t[2][k]));
-                let middle = std::array::from_fn(|k| {
-                    let (lo, hi) = range(k);
-                    (0.5 * (lo + hi)) as f32
-                });
+                let (lo, hi) = (t[0].min(t[1]).min(t[2]), t[0].max(t[1]).max(t[2]));
+                let middle = (0.5 * (lo + hi)).as_vec3().to_array();
                 Item { middle, triangle: i as u32 }
             })
             .collect();
         sort(&mut items);
-        let triangles: Vec<[V; 3]> = items.iter().map(|i| triangles[i.triangle as usize]).collect();
+        let triangles: Vec<[DVec3; 3]> = items.iter().map(|i| triangles[i.triangle as usize]).collect();
         let origins = items.iter().map(|i| origins[i.triangle as usize]).collect();
         drop(items);
-        let reach = triangles.iter().flatten().flatten().fold(0.0f64, |m, c| m.max(c.abs()));
+        let reach = triangles.iter().flatten().fold(0.0f64, |m, p| m.max(p.abs().max_element()));
         let mut surface = Surface { centre, triangles, origins, nodes: Vec::new() };
         let n = surface.triangles.len();
         if n > 0 {
@@ -119,8 +103,8 @@ impl Surface {
     }
 
     /// Triangle `i` in the order of the tree, in the coordinates of the mesh.
-    pub fn triangle(&self, i: u32) -> [V; 3] {
-        self.triangles[i as usize].map(|p| std::array::from_fn(|k| p[k] + self.centre[k]))
+    pub fn triangle(&self, i: u32) -> [[f64; 3]; 3] {
+        self.triangles[i as usize].map(|p| (p + self.centre).to_array())
     }
 
     /// Where triangle `i` comes from.
@@ -129,19 +113,19 @@ impl Surface {
     }
 
     /// Triangles relative to [`centre`](Self::centre), in the order of the tree.
-    pub(super) fn local(&self) -> &[[V; 3]] {
+    pub(super) fn local(&self) -> &[[DVec3; 3]] {
         &self.triangles
     }
 
     /// The middle of the mesh.
-    pub(super) fn centre(&self) -> V {
+    pub(super) fn centre(&self) -> DVec3 {
         self.centre
     }
 
     /// The nearest point of the surface to `x`; `None` where there is no surface. `hint` is a triangle that is likely to be
     /// near, such as the last answer.
-    pub fn nearest(&self, x: V, hint: u32) -> Option<Nearest> {
-        let x = sub(x, self.centre);
+    pub fn nearest(&self, x: [f64; 3], hint: u32) -> Option<Nearest> {
+        let x = DVec3::from(x) - self.centre;
         let first = self.triangles.get(hint as usize).map_or(0, |_| hint);
         let mut best = Nearest { distance2: to_triangle(x, self.triangles.get(first as usize)?), triangle: first };
         self.visit(x, best.distance2, |from, to| {
@@ -157,8 +141,8 @@ impl Surface {
     }
 
     /// Call `f` with every triangle whose squared distance to `x` is at most `distance2`.
-    pub fn within(&self, x: V, distance2: f64, mut f: impl FnMut(u32)) {
-        let x = sub(x, self.centre);
+    pub fn within(&self, x: [f64; 3], distance2: f64, mut f: impl FnMut(u32)) {
+        let x = DVec3::from(x) - self.centre;
         // Rounding must not leave out a triangle that has just this distance.
         let distance2 = distance2 * (1.0 + 1e-12) + f64::MIN_POSITIVE;
         self.visit(x, distance2, |from, to| {
@@ -172,10 +156,10 @@ impl Surface {
     }
 
     /// Show `leaf` the leaves that may hold something nearer than `best`, the nearer ones first; it answers with the new `best`.
-    fn visit(&self, x: V, best: f64, mut leaf: impl FnMut(usize, usize) -> f64) {
+    fn visit(&self, x: DVec3, best: f64, mut leaf: impl FnMut(usize, usize) -> f64) {
         // A bound as f32, never less than the number itself.
         let above = |d: f64| (d as f32) * (1.0 + 1e-6) + f32::MIN_POSITIVE;
-        let at = x.map(|c| c as f32);
+        let at = x.as_vec3().to_array();
         let mut best = above(best);
         // Four ways at each of at most 16 steps down: never more than 3 stay behind each.
         let mut stack = [(0.0f32, 0u32, 0u8); 64];
@@ -255,7 +239,7 @@ impl Node {
     }
 }
 
-fn boxed(triangles: &[[V; 3]], slack: f32) -> ([f32; 3], [f32; 3]) {
+fn boxed(triangles: &[[DVec3; 3]], slack: f32) -> ([f32; 3], [f32; 3]) {
     let all = |k: usize| triangles.iter().flatten().map(move |p| p[k] as f32);
     (
         std::array::from_fn(|k| all(k).fold(f32::INFINITY, f32::min) - slack),
@@ -292,8 +276,8 @@ fn sort(items: &mut [Item]) {
 }
 
 /// The triangles of a mesh relative to `centre`, and where they come from.
-fn triangles(mesh: &Mesh, centre: V) -> (Vec<[V; 3]>, Vec<Origin>) {
-    let p = |v: u32| sub(mesh.positions[v as usize], centre);
+fn triangles(mesh: &Mesh, centre: DVec3) -> (Vec<[DVec3; 3]>, Vec<Origin>) {
+    let p = |v: u32| DVec3::from(mesh.positions[v as usize]) - centre;
     let mut triangles = Vec::with_capacity(mesh.face_count());
     let mut origins = Vec::with_capacity(mesh.face_count());
     let mut used = vec![false; mesh.positions.len()];
@@ -305,7 +289,7 @@ fn triangles(mesh: &Mesh, centre: V) -> (Vec<[V; 3]>, Vec<Origin>) {
             [a, b, c] => triangles.push([p(a), p(b), p(c)]),
             _ => {
                 let n = face.len();
-                let mean = std::array::from_fn(|k| face.iter().map(|&v| p(v)[k]).sum::<f64>() / n as f64);
+                let mean = face.iter().map(|&v| p(v)).sum::<DVec3>() / n as f64;
                 triangles.extend((0..n).map(|i| [p(face[i]), p(face[(i + 1) % n]), mean]));
                 origins.extend((0..n as u32).map(|corner| Origin { face: face_number, corner }));
                 continue;
@@ -320,30 +304,32 @@ fn triangles(mesh: &Mesh, centre: V) -> (Vec<[V; 3]>, Vec<Origin>) {
     (triangles, origins)
 }
 
-fn to_segment(x: V, a: V, b: V) -> f64 {
-    let (w, e) = (sub(x, a), sub(b, a));
-    let ee = dot(e, e);
-    let u = if ee > 0.0 { (dot(w, e) / ee).clamp(0.0, 1.0) } else { 0.0 };
-    let r: V = std::array::from_fn(|k| w[k] - u * e[k]);
-    dot(r, r)
+fn to_segment(x: DVec3, a: DVec3, b: DVec3) -> f64 {
+    let (w, e) = (x - a, b - a);
+    (w - along(w, e) * e).length_squared()
+}
+
+/// Where on a segment from the origin to `e` the nearest point to `w` lies, 0 to 1.
+fn along(w: DVec3, e: DVec3) -> f64 {
+    let ee = e.length_squared();
+    if ee > 0.0 { (w.dot(e) / ee).clamp(0.0, 1.0) } else { 0.0 }
 }
 
 /// Squared distance of a point to a triangle, which may be a segment or a point.
-pub(super) fn to_triangle(x: V, t: &[V; 3]) -> f64 {
+pub(super) fn to_triangle(x: DVec3, t: &[DVec3; 3]) -> f64 {
     let [b0, b1, b2] = nearest_weights(x, t);
-    let r: V = std::array::from_fn(|k| b0 * t[0][k] + b1 * t[1][k] + b2 * t[2][k] - x[k]);
-    dot(r, r)
+    (b0 * t[0] + b1 * t[1] + b2 * t[2] - x).length_squared()
 }
 
 /// The barycentric weights of the point of a triangle that is nearest to `x` (Ericson, Real-Time Collision Detection, 5.1.5;
 /// sides without length are passed by, so that triangles that repeat a vertex come out as segments).
-pub(super) fn nearest_weights(x: V, t: &[V; 3]) -> [f64; 3] {
-    let (u, v, w) = (sub(t[1], t[0]), sub(t[2], t[0]), sub(x, t[0]));
-    let (d1, d2) = (dot(u, w), dot(v, w));
+pub(super) fn nearest_weights(x: DVec3, t: &[DVec3; 3]) -> [f64; 3] {
+    let (u, v, w) = (t[1] - t[0], t[2] - t[0], x - t[0]);
+    let (d1, d2) = (u.dot(w), v.dot(w));
     if d1 <= 0.0 && d2 <= 0.0 {
         return [1.0, 0.0, 0.0];
     }
-    let (uu, uv, vv) = (dot(u, u), dot(u, v), dot(v, v));
+    let (uu, uv, vv) = (u.dot(u), u.dot(v), v.dot(v));
     let (d3, d4) = (d1 - uu, d2 - uv);
     if d3 >= 0.0 && d4 <= d3 {
         return [0.0, 1.0, 0.0];
@@ -377,9 +363,7 @@ pub(super) fn nearest_weights(x: V, t: &[V; 3]) -> [f64; 3] {
     let best =
         sides.into_iter().min_by(|&(a, b), &(c, d)| to_segment(x, t[a], t[b]).total_cmp(&to_segment(x, t[c], t[d])));
     let (a, b) = best.unwrap_or((0, 1));
-    let e = sub(t[b], t[a]);
-    let ee = dot(e, e);
-    let s = if ee > 0.0 { (dot(sub(x, t[a]), e) / ee).clamp(0.0, 1.0) } else { 0.0 };
+    let s = along(x - t[a], t[b] - t[a]);
     let mut weights = [0.0; 3];
     weights[a] = 1.0 - s;
     weights[b] += s;
@@ -392,31 +376,31 @@ mod tests {
     use crate::samples;
     use crate::samples::Random;
 
-    fn brute(surface: &Surface, x: V) -> f64 {
-        let x = sub(x, surface.centre);
+    fn brute(surface: &Surface, x: [f64; 3]) -> f64 {
+        let x = DVec3::from(x) - surface.centre;
         surface.triangles.iter().map(|t| to_triangle(x, t)).fold(f64::INFINITY, f64::min)
     }
 
     /// The distance to a triangle by a road of its own: plane where the foot is inside, else sides.
-    fn plain(x: V, t: &[V; 3]) -> f64 {
+    fn plain(x: DVec3, t: &[DVec3; 3]) -> f64 {
         let sides = to_segment(x, t[0], t[1]).min(to_segment(x, t[1], t[2])).min(to_segment(x, t[2], t[0]));
-        let n = cross(sub(t[1], t[0]), sub(t[2], t[0]));
-        let inside = dot(n, n) > 0.0 && (0..3).all(|i| dot(cross(sub(t[(i + 1) % 3], t[i]), sub(x, t[i])), n) >= 0.0);
-        if inside { (dot(n, sub(x, t[0])).powi(2) / dot(n, n)).min(sides) } else { sides }
+        let n = (t[1] - t[0]).cross(t[2] - t[0]);
+        let inside = n.length_squared() > 0.0 && (0..3).all(|i| (t[(i + 1) % 3] - t[i]).cross(x - t[i]).dot(n) >= 0.0);
+        if inside { (n.dot(x - t[0]).powi(2) / n.length_squared()).min(sides) } else { sides }
     }
 
     #[test]
     fn point_and_triangle() {
         let mut random = Random::new(3);
         for round in 0..20_000 {
-            let mut t = [random.point(), random.point(), random.point()];
+            let mut t = [(); 3].map(|()| DVec3::from(random.point()));
             match round % 4 {
                 1 => t[2] = t[1],
                 2 => t = [t[0]; 3],
-                3 => t[2] = std::array::from_fn(|k| 0.25 * t[0][k] + 0.75 * t[1][k]),
+                3 => t[2] = 0.25 * t[0] + 0.75 * t[1],
                 _ => {}
             }
-            let x = random.point();
+            let x = DVec3::from(random.point());
             let (d, e) = (to_triangle(x, &t).sqrt(), plain(x, &t).sqrt());
             assert!((d - e).abs() < 1e-9, "{x:?} {t:?}: {d} {e}");
         }

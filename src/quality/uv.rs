@@ -1,9 +1,10 @@
 //! Texture coordinates: how far those of one mesh are from another's at the same places, and how much they stretch a texture.
 
 use super::distance::{Sampled, diagonal, foot};
-use super::surface::{Surface, V, cross, dot, sub};
+use super::surface::Surface;
 use crate::mesh::{Layer, LayerKind, Mesh, NO_VALUE};
 use crate::parallel;
+use glam::DVec3;
 
 /// Samples that one task looks up.
 const BLOCK: usize = 4096;
@@ -78,14 +79,14 @@ pub fn uv_error(a: &Sampled<'_>, b: &Sampled<'_>, index: usize, samples: usize) 
     let slack = 1e-6 * diagonal(a.mesh());
     let blocks = parallel::map(parallel::ranges(samples, BLOCK), |block| {
         let (mut squares, mut hint) = (Vec::new(), 0);
-        a.on_faces(block, samples, |triangle, w, x: V| {
+        a.on_faces(block, samples, |triangle, w, x| {
             let Some(own) = corners(a.mesh(), layer_a, &a.surface, triangle) else { return };
             let own = blend(own, w);
-            let Some(nearest) = b.surface.nearest(x, hint) else { return };
+            let Some(nearest) = b.surface.nearest(x.to_array(), hint) else { return };
             hint = nearest.triangle;
             let mut best = f64::INFINITY;
             let reach = 2.0 * nearest.distance2.sqrt() + slack;
-            b.surface.within(x, reach * reach, |candidate| {
+            b.surface.within(x.to_array(), reach * reach, |candidate| {
                 let Some(other) = corners(b.mesh(), layer_b, &b.surface, candidate) else { return };
                 let other = blend(other, foot(&b.surface, candidate, x));
                 best = best.min((own[0] - other[0]).powi(2) + (own[1] - other[1]).powi(2));
@@ -113,10 +114,9 @@ pub fn stretch(mesh: &Sampled<'_>, index: usize) -> Option<Stretch> {
     let (mut sum, mut most, mut area, mut flat, mut uv_area) = (0.0, 0.0f64, 0.0, 0.0, 0.0);
     for i in 0..mesh.surface.len() as u32 {
         let Some([u, v, w]) = corners(mesh.mesh(), layer, &mesh.surface, i) else { continue };
-        let [p, q, r] = mesh.surface.triangle(i);
-        let (e, f) = (sub(q, p), sub(r, p));
-        let n = cross(e, f);
-        let own = 0.5 * dot(n, n).sqrt();
+        let [p, q, r] = mesh.surface.triangle(i).map(DVec3::from);
+        let (e, f) = (q - p, r - p);
+        let own = 0.5 * e.cross(f).length();
         let (s, t) = ([v[0] - u[0], v[1] - u[1]], [w[0] - u[0], w[1] - u[1]]);
         let twice = s[0] * t[1] - s[1] * t[0];
         if own == 0.0 || twice.abs() < 1e-18 {
@@ -124,9 +124,9 @@ pub fn stretch(mesh: &Sampled<'_>, index: usize) -> Option<Stretch> {
             continue;
         }
         // How the surface moves along u and along v.
-        let along_u: V = std::array::from_fn(|k| (e[k] * t[1] - f[k] * s[1]) / twice);
-        let along_v: V = std::array::from_fn(|k| (f[k] * s[0] - e[k] * t[0]) / twice);
-        let (a, b, c) = (dot(along_u, along_u), dot(along_u, along_v), dot(along_v, along_v));
+        let along_u = (e * t[1] - f * s[1]) / twice;
+        let along_v = (f * s[0] - e * t[0]) / twice;
+        let (a, b, c) = (along_u.dot(along_u), along_u.dot(along_v), along_v.dot(along_v));
         sum += 0.5 * (a + c) * own;
         most = most.max(0.5 * (a + c + ((a - c).powi(2) + 4.0 * b * b).sqrt()));
         area += own;

@@ -1,7 +1,8 @@
 //! What scanners and modellers leave behind: complex edges and vertices, crumbs, points, polygon soups.
 
-use super::random::{Random, turn};
+use super::noise::turn;
 use crate::mesh::Mesh;
+use crate::random::Random;
 
 /// A book: `pages` quads on one spine edge (an edge of more than two faces), every third of them turned round; `copies`
 /// of it stand in a row and touch their neighbours in one vertex (a vertex of several fans). A dangling edge, a duplicate

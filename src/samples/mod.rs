@@ -4,11 +4,11 @@
 //! [`by_name`] is the door for `datasets.toml`.
 
 mod defects;
-mod random;
+mod noise;
 mod shapes;
 
+pub use crate::random::Random;
 pub use defects::{crumbs, fan_book, point_cloud, soup};
-pub use random::Random;
 pub use shapes::{asteroid, cylinder, mixed, ringed_asteroid, scattered_terrain, sphere, terrain, torus};
 
 use crate::mesh::Mesh;

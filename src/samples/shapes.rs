@@ -1,8 +1,9 @@
 //! Surfaces: closed, bordered, of triangles, quads and mixed polygons.
 
 use super::defects::crumbs_around;
-use super::random::{Random, fractal, noise, turn};
+use super::noise::{fractal, noise, turn};
 use crate::mesh::Mesh;
+use crate::random::Random;
 
 /// A height field of exactly `vertices` vertices in a square, two triangles a cell, with hills of all sizes.
 pub fn terrain(vertices: u32, seed: u64) -> Mesh {

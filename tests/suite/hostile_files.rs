@@ -4,27 +4,12 @@
 //! small multiple of the file (which the memory limit would report).
 #![cfg(feature = "formats")]
 
+use crate::common::small::Random;
 use lodestream::io::read::{Format, ReadErrorKind, ReadOptions, read_bytes};
 use lodestream::io::write::write_to;
 use lodestream::mesh::{Image, Layer, LayerKind, Mesh, NO_VALUE, Stored};
 
 const CASES: usize = 20_000;
-
-/// xorshift64*
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        self.0.wrapping_mul(0x2545_f491_4f6c_dd1d)
-    }
-
-    fn below(&mut self, n: usize) -> usize {
-        (self.next() >> 33) as usize % n.max(1)
-    }
-}
 
 /// What stands where numbers or words were.
 const WORDS: [&[u8]; 20] = [

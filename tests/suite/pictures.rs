@@ -1,157 +1,150 @@
-//! Pictures and scores by both renderers, as a user meets them; on real models where `LODESTREAM_DATA` is set.
-//!
-//! Needs software Vulkan (`llvmpipe`, Debian's `mesa-vulkan-drivers`) for most tests; where it is missing they say that they were
-//! skipped, and with `CI=true` fail.
-#![cfg(feature = "gpu")]
+//! Pictures and their scores as a user meets them, through the command line; on real models where `LODESTREAM_DATA` is set.
 
-use crate::common::{Scratch, datasets, lodestream_in};
-use lodestream::gpu::{Device, DeviceChoice, DeviceOptions, GpuRenderer};
+use crate::common::{Scratch, datasets, lodestream};
 use lodestream::io::write::{self, WriteOptions};
 use lodestream::mesh::Mesh;
-use lodestream::quality::picture::{Cpu, Picture, Shading};
-use lodestream::quality::{Snapshots, ViewOptions};
+use lodestream::quality::picture::{Picture, decode};
 use lodestream::samples;
 
-/// By how much scores of one renderer may differ from those of the other. Their pictures differ in a few of a thousand pixels, by rounding; a
-/// mean over views of means over pixels hardly moves.
-const SCORE: f64 = 1e-4;
-/// Levels of 255 that rounding may move a channel.
-const LEVELS: u8 = 2;
-/// Pixels of a thousand in which more may differ.
-const AT_MOST: f64 = 2.0;
+const BACKGROUND: [u8; 3] = [38, 42, 50];
 
-/// The renderer on software Vulkan, if it is there.
-fn software(test: &str) -> Option<GpuRenderer> {
-    let choice = DeviceChoice::Named("llvmpipe".to_string());
-    match Device::open(&choice, DeviceOptions::default()).and_then(GpuRenderer::new) {
-        Ok(gpu) => Some(gpu),
-        Err(error) => {
-            assert!(std::env::var_os("CI").is_none(), "{test}: {error}");
-            eprintln!("skipped: {test}: {error}");
-            None
+/// A picture that the program wrote.
+fn picture(scratch: &Scratch, name: &str) -> Picture {
+    let pixels = decode(&std::fs::read(scratch.path(name)).unwrap()).unwrap();
+    let rgb = pixels.rgba.as_chunks::<4>().0.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
+    Picture { width: pixels.width, height: pixels.height, rgb }
+}
+
+fn save(scratch: &Scratch, name: &str, mesh: &Mesh) {
+    write::write_path(scratch.path(name), mesh, None, &WriteOptions::default()).unwrap();
+}
+
+/// The channel that outshines both others twice over, if one does.
+fn hue(pixel: [u8; 3]) -> Option<char> {
+    let strongest = (0..3).find(|&k| (0..3).all(|i| i == k || u16::from(pixel[k]) > 2 * u16::from(pixel[i])));
+    strongest.map(|k| ['r', 'g', 'b'][k])
+}
+
+/// Three squares across the axis of sight: red, small and in front; green behind it; blue, small, at the back.
+const SQUARES: &str = "\
+v -1 -1 1 1 0 0\nv 1 -1 1 1 0 0\nv 1 1 1 1 0 0\nv -1 1 1 1 0 0
+v -3 -3 0 0 1 0\nv 3 -3 0 0 1 0\nv 3 3 0 0 1 0\nv -3 3 0 0 1 0
+v -1 -1 -1 0 0 1\nv 1 -1 -1 0 0 1\nv 1 1 -1 0 0 1\nv -1 1 -1 0 0 1
+f 1 2 3 4\nf 5 6 7 8\nf 12 11 10 9
+";
+
+#[test]
+fn what_is_nearer_hides_what_is_farther() {
+    let scratch = Scratch::new("pictures-hidden");
+    scratch.write("squares.obj", SQUARES);
+    for (view, middle) in [("front", 'r'), ("back", 'b')] {
+        for more in ["", " --perspective 40", " --shading flat"] {
+            lodestream(scratch.folder(), &format!("render squares.obj -o a.png --size 100x80 --view {view}{more}"))
+                .ok();
+            let drawn = picture(&scratch, "a.png");
+            assert_eq!((drawn.width, drawn.height), (100, 80));
+            assert_eq!(hue(drawn.pixel(50, 40)), Some(middle), "{view}{more}");
+            // The green square is seen around it, and nothing in the corner.
+            for (x, y) in [(50, 25), (35, 40), (65, 40), (50, 55)] {
+                assert_eq!(hue(drawn.pixel(x, y)), Some('g'), "{view}{more} at {x}, {y}");
+            }
+            assert_eq!(drawn.pixel(1, 1), BACKGROUND);
         }
     }
-}
-
-/// Pixels of a thousand in which pictures differ by more than rounding.
-fn beyond(a: &[Picture], b: &[Picture]) -> f64 {
-    let (mut far, mut all) = (0usize, 0usize);
-    for (a, b) in a.iter().zip(b) {
-        for (a, b) in a.rgb.as_chunks::<3>().0.iter().zip(b.rgb.as_chunks::<3>().0) {
-            far += usize::from((0..3).any(|k| a[k].abs_diff(b[k]) > LEVELS));
-            all += 1;
-        }
-    }
-    1000.0 * far as f64 / all as f64
-}
-
-/// The same with its vertices on a grid of so many steps.
-fn rounded(mesh: &Mesh, steps: f64) -> Mesh {
-    let (lo, hi) = mesh.bounds().unwrap();
-    let step = (0..3).map(|k| hi[k] - lo[k]).fold(0.0, f64::max) / steps;
-    let mut other = mesh.clone();
-    other.positions.iter_mut().for_each(|p| *p = p.map(|c| (c / step).round() * step));
-    other
-}
-
-/// Pictures and scores of a mesh and of coarser ones by both renderers.
-fn agree(gpu: &GpuRenderer, name: &str, mesh: &Mesh) {
-    let options = ViewOptions { views: 4, size: 256, shading: Shading::Smooth };
-    let by_cpu = Snapshots::new(mesh, &Cpu, &options).unwrap();
-    let by_gpu = Snapshots::new(mesh, gpu, &options).unwrap();
-    let far = beyond(by_cpu.pictures(), by_gpu.pictures());
-    assert!(far <= AT_MOST, "{name}: {far} of a thousand pixels differ");
-    for steps in [200.0, 40.0] {
-        let other = rounded(mesh, steps);
-        let (a, b) = (by_cpu.compare(&other, &Cpu).unwrap(), by_gpu.compare(&other, gpu).unwrap());
-        let apart = (a.ms_ssim - b.ms_ssim).abs();
-        println!("{name}: {far:.3} of a thousand pixels; {:.6} at {steps} steps, {apart:.1e} apart", a.ms_ssim);
-        assert!(apart <= SCORE, "{name}: {} by the processor, {} by the device", a.ms_ssim, b.ms_ssim);
-    }
-    assert_eq!(gpu.failure(), None, "{name}");
 }
 
 #[test]
-fn scores_do_not_depend_on_the_renderer() {
-    let Some(gpu) = software("scores_do_not_depend_on_the_renderer") else { return };
-    agree(&gpu, "asteroid", &samples::asteroid(20, 4));
-    agree(&gpu, "mixed", &samples::mixed(30, 30, 4));
-    let names = [
-        "classic/fandisk",
-        "textured/avocado",
-        "textured/bunny10k_textured",
-        "textured/damagedhelmet",
-        "textured/duck",
-        "textured/spot",
-        "textured/textured_simple_reoriented",
-    ];
+fn textures_lie_where_their_coordinates_say() {
+    let scratch = Scratch::new("pictures-textures");
+    let mut image = Picture::new(64, 64, [255, 0, 0]);
+    image.paste(&Picture::new(64, 32, [0, 0, 255]), 0, 32);
+    image.paste(&Picture::new(32, 32, [0, 255, 0]), 32, 0);
+    image.write_png(std::fs::File::create(scratch.path("image.png")).unwrap()).unwrap();
+    scratch.write("square.mtl", "newmtl m\nKd 1 1 1\nmap_Kd image.png\n");
+    let square = "mtllib square.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\
+                  f 1/1 2/2 3/3 4/4\n";
+    scratch.write("square.obj", square);
+    lodestream(scratch.folder(), "encode square.obj -o square.lods --texture keep").ok();
+    for input in ["square.obj", "square.lods"] {
+        lodestream(scratch.folder(), &format!("render {input} -o a.png --size 80 --view front")).ok();
+        let drawn = picture(&scratch, "a.png");
+        // The upper half is red on the left and green on the right, the lower one blue.
+        for (x, y, expected) in [(30, 30, 'r'), (50, 30, 'g'), (30, 50, 'b'), (50, 50, 'b')] {
+            assert_eq!(hue(drawn.pixel(x, y)), Some(expected), "{input} at {x}, {y}");
+        }
+    }
+}
+
+#[test]
+fn pictures_and_scores_are_the_same_on_any_number_of_threads() {
+    let scratch = Scratch::new("pictures-threads");
+    save(&scratch, "fine.ply", &samples::mixed(30, 30, 4));
+    save(&scratch, "coarse.ply", &samples::mixed(12, 12, 4));
+    for words in ["render fine.ply -o N.png --size 130x170 --shading wire", "render coarse.ply -o N.png --size 96"] {
+        let drawn = ["1", "2", "5"].map(|threads| {
+            let name = format!("{threads}.png");
+            lodestream(scratch.folder(), &format!("{} --threads {threads}", words.replace("N.png", &name))).ok();
+            std::fs::read(scratch.path(&name)).unwrap()
+        });
+        assert!(drawn[0] == drawn[1] && drawn[0] == drawn[2], "{words}");
+    }
+    let compare = "compare fine.ply coarse.ply --samples 1000 --views 5 --size 180 --json --threads";
+    let [one, many] = ["1", "5"].map(|threads| lodestream(scratch.folder(), &format!("{compare} {threads}")).json());
+    assert_eq!(one["appearance"], many["appearance"]);
+    assert_eq!(one["appearance"]["views"].as_array().map(Vec::len), Some(5));
+}
+
+#[test]
+fn coarser_levels_look_less_alike() {
+    let scratch = Scratch::new("pictures-levels");
+    save(&scratch, "rock.ply", &samples::asteroid(20, 4));
+    lodestream(scratch.folder(), "encode rock.ply -o rock.lods").ok();
+    let json =
+        lodestream(scratch.folder(), "report rock.ply -o page --levels 4 --samples 500 --views 3 --size 180 --json");
+    let levels = json.json()["files"][0]["levels"].as_array().cloned().unwrap();
+    let scores: Vec<f64> = levels.iter().map(|level| level["ms_ssim"].as_f64().unwrap()).collect();
+    assert!(scores.len() >= 3 && scores.is_sorted_by(|a, b| a < b), "{scores:?}");
+    assert!(scores[0] > 0.1 && scores[scores.len() - 1] > 0.999, "{scores:?}");
+    // `compare` sees the same.
+    let coarse =
+        format!("compare rock.ply rock.lods --level {} --samples 500 --views 3 --size 180 --json", levels[0]["level"]);
+    let compared = lodestream(scratch.folder(), &coarse).json()["appearance"]["ms_ssim"].as_f64().unwrap();
+    assert!((compared - scores[0]).abs() < 1e-12, "{compared} {scores:?}");
+}
+
+#[test]
+fn drawing_takes_no_device() {
+    let scratch = Scratch::new("pictures-device");
+    save(&scratch, "rock.ply", &samples::asteroid(4, 4));
+    for words in ["render rock.ply -o a.png", "compare rock.ply rock.ply", "report rock.ply -o page"] {
+        for option in ["--device cpu", "--gpu-memory 1GiB"] {
+            let run = lodestream(scratch.folder(), &format!("{words} {option}"));
+            assert_eq!(run.code, 2, "{words} {option}");
+            let name = option.split(' ').next().unwrap_or_default();
+            assert!(run.stderr.contains(&format!("unexpected argument '{name}'")), "{}", run.stderr);
+        }
+    }
+    assert_eq!(scratch.names(), ["rock.ply"]);
+}
+
+#[test]
+fn real_models_look_like_themselves() {
+    let names = ["classic/fandisk", "textured/avocado", "textured/damagedhelmet", "textured/duck", "textured/spot"];
     for dataset in datasets::available(|d| names.contains(&d.name.as_str())) {
-        agree(&gpu, &dataset.name, &dataset.load(None).unwrap());
+        let scratch = Scratch::new("pictures-real");
+        let file = dataset.file().expect("it is there").display().to_string();
+        for bits in ["12", "6"] {
+            let words = format!("encode {file} -o {bits}.lods --position-bits {bits} --texture keep");
+            lodestream(scratch.folder(), &words).ok();
+        }
+        let seen = |words: &str| {
+            let words = format!("compare {words} --samples 500 --views 4 --size 256 --json");
+            let json = lodestream(scratch.folder(), &words).json();
+            json["appearance"]["ms_ssim"].as_f64().unwrap()
+        };
+        let (same, fine, coarse) =
+            (seen(&format!("{file} {file}")), seen(&format!("{file} 12.lods")), seen(&format!("{file} 6.lods")));
+        println!("{}: {same} {fine} {coarse}", dataset.name);
+        assert!(same == 1.0 && fine > 0.99 && fine > coarse && coarse > 0.3, "{}: {fine} {coarse}", dataset.name);
     }
-}
-
-#[test]
-fn the_program_draws_where_it_is_told_to() {
-    let scratch = Scratch::new("pictures");
-    let options = WriteOptions::default();
-    write::write_path(scratch.path("fine.ply"), &samples::asteroid(14, 4), None, &options).unwrap();
-    write::write_path(scratch.path("coarse.ply"), &samples::asteroid(7, 4), None, &options).unwrap();
-    let run = |words: &str, environment: &[(&str, String)]| lodestream_in(scratch.folder(), words, environment).ok();
-    let lines =
-        |text: &str| text.lines().filter(|l| l.starts_with("lodestream:")).map(str::to_string).collect::<Vec<_>>();
-    let compare = "compare fine.ply coarse.ply --samples 1000 --views 12 --size 180 --json --device";
-    let expected = run(&format!("{compare} cpu"), &[]).json();
-    assert_eq!(expected["appearance"]["device"], "cpu");
-    let score = &expected["appearance"]["ms_ssim"];
-    // Little to draw, or nothing: `auto` does not even look for a device.
-    assert_eq!(run(&format!("{compare} auto"), &[]).json()["appearance"]["ms_ssim"], *score);
-    let blind = run("compare fine.ply coarse.ply --samples 1000 --views 0 --json --device gpu:llvmpipe", &[]);
-    assert!(blind.json()["appearance"].is_null());
-
-    let none = [
-        ("VK_ICD_FILENAMES", "/there/is/no/driver.json".to_string()),
-        ("VK_DRIVER_FILES", "/there/is/no/driver.json".to_string()),
-    ];
-    let without = run(&format!("{compare} gpu:llvmpipe"), &none);
-    let warning = "lodestream: warning: no device is called \"llvmpipe\"; there is none; the processor draws instead";
-    assert_eq!(lines(&without.stderr), [warning]);
-    assert_eq!(without.json()["appearance"]["ms_ssim"], *score);
-    assert_eq!(without.json()["appearance"]["device"], "cpu");
-
-    if software("the_program_draws_where_it_is_told_to").is_none() {
-        return;
-    }
-    let drawn = run(&format!("{compare} gpu:lavapipe --gpu-memory 64MB"), &[]);
-    assert!(lines(&drawn.stderr).is_empty(), "{}", drawn.stderr);
-    let look = &drawn.json()["appearance"];
-    assert!(look["device"].as_str().is_some_and(|d| d.starts_with("llvmpipe")), "{look}");
-    let (a, b) = (score.as_f64().unwrap(), look["ms_ssim"].as_f64().unwrap());
-    assert!((a - b).abs() <= SCORE, "{a} {b}");
-
-    // Lost while the first mesh is drawn, while the second one is: pictures of one renderer are never compared with the other's.
-    for after in ["3", "17"] {
-        let lost = run(&format!("{compare} gpu:llvmpipe"), &[("LODESTREAM_LOSE_DEVICE", after.to_string())]);
-        let said = lines(&lost.stderr);
-        assert_eq!(said.len(), 1, "{said:?}");
-        assert!(said[0].starts_with("lodestream: warning: llvmpipe"), "{said:?}");
-        assert!(said[0].ends_with("LODESTREAM_LOSE_DEVICE says so; the processor draws instead"), "{said:?}");
-        assert_eq!(lost.json()["appearance"]["ms_ssim"], *score);
-        assert_eq!(lost.json()["appearance"]["device"], "cpu");
-    }
-
-    let text = run("render fine.ply -o gpu.png --size 90x70 --device gpu:llvmpipe", &[]).stdout;
-    assert!(text.lines().any(|l| l.starts_with("drawn by") && l.contains("llvmpipe")), "{text}");
-    let text = run("render fine.ply -o cpu.png --size 90x70", &[]).stdout;
-    assert!(text.lines().any(|l| l.starts_with("drawn by") && l.ends_with("cpu")), "{text}");
-    let [a, b] = ["gpu.png", "cpu.png"].map(|name| {
-        let bytes = std::fs::read(scratch.path(name)).unwrap();
-        let pixels = lodestream::quality::picture::decode(&bytes).unwrap();
-        let rgb = pixels.rgba.as_chunks::<4>().0.iter().flat_map(|p| [p[0], p[1], p[2]]).collect();
-        Picture { width: pixels.width, height: pixels.height, rgb }
-    });
-    assert!(beyond(&[a], &[b]) <= AT_MOST);
-
-    let words = "report fine.ply -o page --levels 3 --samples 1000 --views 2 --size 180 --json --device gpu:llvmpipe";
-    let report = run(words, &[]).json();
-    assert!(report["files"][0]["device"].as_str().is_some_and(|d| d.starts_with("llvmpipe")));
 }

@@ -9,7 +9,7 @@ use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
 use lodestream::image::preview::{Previews, add_previews};
 use lodestream::io::write::{WriteOptions, write_path};
 use lodestream::mesh::{Appearance, Image, Layer, LayerKind, Mesh, Stored};
-use lodestream::quality::picture::{Cpu, Shading};
+use lodestream::quality::picture::Shading;
 use lodestream::quality::{Snapshots, ViewOptions};
 use lodestream::samples;
 
@@ -163,9 +163,9 @@ fn previews_come_where_they_are_worth_it() {
     assert_eq!(curve.last().map(|p| p.previews), Some(count));
     let (views, size) = OPTIONS.effort.views();
     let options = ViewOptions { views, size, shading: Shading::Smooth };
-    let snapshots = Snapshots::new(&prefix(&plain), &Cpu, &options).expect("pictures");
+    let snapshots = Snapshots::new(&prefix(&plain), &options).expect("pictures");
     for point in curve.iter().filter(|p| p.previews > 0).step_by(3) {
-        let seen = snapshots.compare(&prefix(&bytes[..point.bytes as usize]), &Cpu).expect("pictures").ms_ssim;
+        let seen = snapshots.compare(&prefix(&bytes[..point.bytes as usize])).expect("pictures").ms_ssim;
         assert!((seen - point.quality).abs() < 1e-3, "{point:?}: {seen}");
     }
     assert_eq!(ordered(&bytes).bytes, bytes);
@@ -190,9 +190,9 @@ fn no_order_is_better_by_the_pictures_of_its_prefixes() {
     // The curve says what the pictures of its prefixes say.
     let (views, size) = OPTIONS.effort.views();
     let options = ViewOptions { views, size, shading: Shading::Smooth };
-    let snapshots = Snapshots::new(&prefix(&plain), &Cpu, &options).expect("pictures");
+    let snapshots = Snapshots::new(&prefix(&plain), &options).expect("pictures");
     for point in curve.iter().step_by(3) {
-        let seen = snapshots.compare(&prefix(&bytes[..point.bytes as usize]), &Cpu).expect("pictures").ms_ssim;
+        let seen = snapshots.compare(&prefix(&bytes[..point.bytes as usize])).expect("pictures").ms_ssim;
         assert!((seen - point.quality).abs() < 1e-3, "{point:?}: {seen}");
     }
 }

@@ -1,7 +1,6 @@
 //! `lodestream compare`: how far two models are from each other, and how alike they look.
 
 use crate::Outcome;
-use crate::draw::{self, DrawArgs, Work};
 use crate::model;
 use crate::output::Output;
 use crate::progress::Bars;
@@ -10,8 +9,8 @@ use crate::shared::{self, Machine};
 use anyhow::{Result, bail};
 use clap::ValueEnum;
 use lodestream::mesh::{Layer, LayerKind, Mesh, Stored};
-use lodestream::quality::picture::{Cpu, Picture, Renderer, Scene, Shading, View};
-use lodestream::quality::{self, Directed, Geometry, SampleOptions, Sampled, ViewOptions, Weights};
+use lodestream::quality::picture::{Picture, Scene, Shading, View, draw};
+use lodestream::quality::{self, Directed, Geometry, SampleOptions, Sampled, Snapshots, ViewOptions, Weights};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -42,8 +41,6 @@ pub struct Args {
     /// Write A with its distances to B as colours: .ply, or a picture of it as .png
     #[arg(long, value_name = "OUT")]
     heatmap: Option<PathBuf>,
-    #[command(flatten)]
-    device: DrawArgs,
     #[command(flatten)]
     machine: Machine,
     /// Print one JSON object
@@ -77,12 +74,6 @@ pub struct Looks {
 }
 
 impl Looks {
-    /// What it is to draw so many meshes of so many faces each.
-    pub fn work(&self, meshes: usize, faces: usize) -> Work {
-        let pixels = u64::from(self.size) * u64::from(self.size);
-        Work { pictures: meshes * usize::from(self.views), pixels, faces }
-    }
-
     pub fn options(&self) -> ViewOptions {
         ViewOptions { views: usize::from(self.views), size: self.size, shading: self.shading.shading() }
     }
@@ -129,16 +120,13 @@ pub fn run(args: &Args) -> Result<Outcome> {
         let texture = quality::uv_error(&sampled_a, &sampled_b, 0, options.samples);
         let stretch = [&sampled_a, &sampled_b].map(|m| quality::stretch(m, 0));
         let clock = Instant::now();
-        let faces = a.mesh.face_count().max(b.mesh.face_count());
-        let pen = args.device.pen(&args.looks.work(2, faces), threads);
         let appearance = if args.looks.views > 0 {
-            let mut looks = draw::Looks::new(&a.mesh, &pen, args.looks.options())?;
+            let looks = Snapshots::new(&a.mesh, &args.looks.options())?;
             looks.warnings().iter().for_each(|w| shared::warn(format!("{}: {w}", args.a.display())));
             Some(looks.compare(&b.mesh)?)
         } else {
             None
         };
-        let drawn_by = pen.put_down();
         let pictures = shared::seconds(clock);
         if let Some(heatmap) = heatmap {
             heatmap.write(&sampled_a, &sampled_b, &geometry)?;
@@ -161,7 +149,6 @@ pub fn run(args: &Args) -> Result<Outcome> {
                     "ms_ssim": look.ms_ssim,
                     "views": look.views,
                     "size": args.looks.size,
-                    "device": drawn_by,
                 })),
                 "texture_coordinates": texture.map(|error| json!({
                     "rms": error.rms,
@@ -286,7 +273,7 @@ fn heat_picture(mesh: &Mesh, distances: &[f64], most: f64, diagonal: f64) -> Pic
     let scene = Scene::new(&coloured, Shading::Smooth);
     let mut sheet = Picture::new(2 * SIDE, SIDE + 48, [24, 26, 31]);
     for (x, yaw) in [(0, -0.45), (SIDE, -0.45 + std::f64::consts::PI)] {
-        sheet.paste(&Cpu.draw(&scene, &View::from_angles(mesh, yaw, 0.35), SIDE, SIDE), x, 0);
+        sheet.paste(&draw(&scene, &View::from_angles(mesh, yaw, 0.35), SIDE, SIDE), x, 0);
     }
     for x in 0..256u32 {
         let bar = Picture::new(1, 16, quality::heat::colour(f64::from(x) / 255.0));

@@ -11,7 +11,6 @@ mod demo;
 mod device;
 #[cfg(feature = "gpu")]
 mod devices;
-mod draw;
 mod encode;
 mod info;
 mod ingest;

@@ -1,7 +1,6 @@
 //! `lodestream render`: a picture of a mesh or of a level.
 
 use crate::Outcome;
-use crate::draw::{DrawArgs, Work};
 use crate::model;
 use crate::output::Output;
 use crate::progress::Bars;
@@ -9,7 +8,7 @@ use crate::shared::{self, Machine};
 use anyhow::{Result, bail};
 use clap::ValueEnum;
 use lodestream::mesh::Mesh;
-use lodestream::quality::picture::{Scene, Shading, View};
+use lodestream::quality::picture::{Scene, Shading, View, draw};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -44,8 +43,6 @@ pub struct Args {
     /// Pixels, as in 512 or 800x600
     #[arg(long, value_name = "SIZE", default_value = "800", value_parser = parse_size)]
     size: [u32; 2],
-    #[command(flatten)]
-    device: DrawArgs,
     #[command(flatten)]
     machine: Machine,
 }
@@ -126,7 +123,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
     if !args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
         bail!("{}: pictures are written as .png", args.output.display());
     }
-    args.machine.run(|threads| {
+    args.machine.run(|_| {
         let output = Output::create(&args.output)?;
         let model = model::load(&args.input, args.level, &args.machine, &Bars::new(true))?;
         let scene = Scene::new(&model.mesh, args.shading.shading());
@@ -135,16 +132,13 @@ pub fn run(args: &Args) -> Result<Outcome> {
         if let Some(degrees) = args.perspective {
             view = view.perspective(degrees);
         }
-        let pixels = u64::from(args.size[0]) * u64::from(args.size[1]);
-        let pen = args.device.pen(&Work { pictures: 1, pixels, faces: model.mesh.face_count() }, threads);
-        let picture = pen.renderer().draw(&scene, &view, args.size[0], args.size[1]);
+        let picture = draw(&scene, &view, args.size[0], args.size[1]);
         output.write(|out| picture.write_png(out))?;
         output.commit()?;
         shared::print(&shared::table(&[
             ("vertices", shared::thousands(model.mesh.vertex_count() as u64)),
             ("faces", shared::thousands(model.mesh.face_count() as u64)),
             ("picture", format!("{}, {} by {} pixels", args.output.display(), args.size[0], args.size[1])),
-            ("drawn by", pen.put_down()),
             ("seconds", format!("{:.2}", shared::seconds(start))),
         ]))?;
         Ok(Outcome::Done)

@@ -6,6 +6,7 @@ use crate::shared::{self, Machine};
 use crate::stream::Stream;
 use anyhow::{Context, Result, bail};
 use lodestream::format::container::Header;
+use lodestream::image::is_jpeg;
 use lodestream::io::read::{Format, ReadOptions};
 use lodestream::mesh::{Image, Mesh};
 use lodestream::quality::exact::{self, Difference};
@@ -192,7 +193,7 @@ fn leave_out(source: &mut Mesh, decoded: &Mesh) -> Vec<String> {
         source.appearance.images.iter_mut().for_each(|i| i.bytes = Vec::new());
     }
     // An encoder makes a JPEG of something else only where it is told to.
-    let is_jpeg = |i: &Image| i.bytes.starts_with(&[0xFF, 0xD8, 0xFF]);
+    let is_jpeg = |i: &Image| is_jpeg(&i.bytes);
     for (source, decoded) in source.appearance.images.iter_mut().zip(&decoded.appearance.images) {
         if !source.bytes.is_empty() && !is_jpeg(source) && is_jpeg(decoded) && source.name == decoded.name {
             names.push(format!("the pixels of {:?}, which is a JPEG now", source.name));

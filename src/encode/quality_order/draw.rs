@@ -7,7 +7,7 @@ use crate::format::decoder::{DecodeError, DecodeOptions, Decoder, Step};
 use crate::image::jpeg::END;
 use crate::mesh::Mesh;
 use crate::parallel;
-use crate::quality::picture::{Cpu, Drawable, Scene, Shading, Textures};
+use crate::quality::picture::{Drawable, Scene, Shading, Textures};
 use crate::quality::{Snapshots, ViewOptions};
 use std::collections::BTreeMap;
 
@@ -74,7 +74,7 @@ impl<'a> Stage<'a> {
             let states = stage.states(&(0..front.chunks().len()).collect::<Vec<_>>());
             let textures = stage.images.textures(&stage.shown, &states);
             let scene = Scene::with_textures(&mesh, Shading::Smooth, &textures);
-            stage.whole = Some(Snapshots::of(&scene, &mesh, &Cpu, &look)?);
+            stage.whole = Some(Snapshots::of(&scene, &mesh, &look)?);
         }
         Ok(stage)
     }
@@ -146,7 +146,7 @@ impl<'a> Stage<'a> {
                 None => scene = Some(Scene::with_textures(mesh, Shading::Smooth, &textures)),
             }
             if let Some(scene) = &scene {
-                out.push((cell, whole.compare_scene(scene, &Cpu)?.ms_ssim));
+                out.push((cell, whole.compare_scene(scene)?.ms_ssim));
             }
             self.drawn += 1;
             report(self.drawn);

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 
 use crate::encode::cost::{Class, EdgeList, Fixed};
 use crate::format::complex::{Faces, Star};
+use crate::random::{GOLDEN, mix};
 
 /// Weights that one task scans.
 const CHUNK: usize = 1 << 14;
@@ -103,12 +104,8 @@ fn mean(weights: &[Fixed], class: Class) -> Option<Mean> {
 
 /// A hash of an edge from the lasting numbers of its ends, alike in either order.
 pub(super) fn hash(a: u32, b: u32) -> u32 {
-    let mut x = u64::from(a.min(b)) << 32 | u64::from(a.max(b));
-    // The finalizer of SplitMix64.
-    x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    x = (x ^ x >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    x = (x ^ x >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    (x ^ x >> 31) as u32
+    let edge = u64::from(a.min(b)) << 32 | u64::from(a.max(b));
+    mix(edge.wrapping_add(GOLDEN)) as u32
 }
 
 /// An independent set that grows.

@@ -8,6 +8,7 @@
 //! A merged wedge keeps the number, its *slot*, of a wedge of `a`; slots of wedges that are gone keep the values that they had when they
 //! went, so that the history need only tell the values of those that stay and change.
 
+use crate::encode::sets::Sets;
 use crate::format::attributes::Value;
 use crate::format::complex::{Attributes, Coarsened, Faces, NONE, Side, Star, Wedges, middle};
 use crate::parallel;
@@ -44,8 +45,8 @@ fn corner_of(faces: &Faces, f: u32, v: u32) -> usize {
 struct Meeting {
     /// Wedges of both, in order, which vertex has them, how many corners, and the root of each.
     wedges: Vec<(u32, u8, u32)>,
-    root: Vec<usize>,
-    order: Vec<(usize, usize)>,
+    sets: Sets,
+    order: Vec<(u32, usize)>,
     list: Vec<(u32, u8)>,
     joins: Vec<[u32; 2]>,
 }
@@ -71,30 +72,20 @@ impl Meeting {
         for run in self.list.chunk_by(|x, y| x == y) {
             self.wedges.push((run[0].0, run[0].1, run.len() as u32));
         }
-        self.root.clear();
-        self.root.extend(0..self.wedges.len());
+        self.sets.reset(self.wedges.len() as u32);
         for k in 0..self.joins.len() {
             let [x, y] = self.joins[k].map(|w| self.wedges.partition_point(|e| e.0 < w));
             if y < self.wedges.len() {
-                let (x, y) = (self.find(x), self.find(y));
-                self.root[x.max(y)] = x.min(y);
+                self.sets.join(x as u32, y as u32);
             }
         }
     }
 
-    fn find(&mut self, mut x: usize) -> usize {
-        while self.root[x] != x {
-            self.root[x] = self.root[self.root[x]];
-            x = self.root[x];
-        }
-        x
-    }
-
     /// Calls `f` with each joined set: for each of the two vertices the wedge with most corners; and all wedges.
-    fn sets(&mut self, mut f: impl FnMut([Option<(u32, u32)>; 2], &[(usize, usize)], &[(u32, u8, u32)])) {
+    fn sets(&mut self, mut f: impl FnMut([Option<(u32, u32)>; 2], &[(u32, usize)], &[(u32, u8, u32)])) {
         self.order.clear();
         for x in 0..self.wedges.len() {
-            let root = self.find(x);
+            let root = self.sets.find(x as u32);
             self.order.push((root, x));
         }
         self.order.sort_unstable();

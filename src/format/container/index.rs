@@ -12,6 +12,7 @@ use super::{
     KNOWN_REQUIRED, MAGIC, MAX_BODY, MEMORY_PER_CORNER, MEMORY_PER_ELEMENT, MEMORY_PER_EXTRA_VALUE,
     MEMORY_PER_LAYER_CORNER, MEMORY_PER_NEW_VERTEX, MEMORY_PER_VERTEX, MEMORY_PER_WEDGE_COMPONENT, VERSION, table,
 };
+use crate::leb128;
 
 /// The front of a file, checked: what a client needs to plan.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,7 +57,7 @@ impl FileIndex {
             return Err(ContainerError::Version { found: version, supported: VERSION });
         }
         let mut at = MAGIC.len() + 1;
-        let Some(body_length) = leb128(bytes, &mut at)? else {
+        let Some(body_length) = number_at(bytes, &mut at)? else {
             return Ok(Parsed::NeedBytes(bytes.len() as u64 + 1));
         };
         if body_length > MAX_BODY {
@@ -76,7 +77,7 @@ impl FileIndex {
 
     fn parse_body(body: &[u8], length: u64) -> Result<FileIndex, ContainerError> {
         let mut at = 0;
-        let mut number = || match leb128(body, &mut at)? {
+        let mut number = || match number_at(body, &mut at)? {
             Some(n) => Ok(n),
             None => inconsistent(Place::Header, "the front ends early"),
         };
@@ -313,9 +314,9 @@ pub(crate) fn front_of(header: &Header, chunks: &[Chunk<&[u8]>]) -> Result<Vec<u
     check_order(header, &infos)?;
 
     let mut body = Vec::new();
-    put_leb128(&mut body, header.required);
-    put_leb128(&mut body, header.optional);
-    put_leb128(&mut body, infos.len() as u64);
+    leb128::put(&mut body, header.required);
+    leb128::put(&mut body, header.optional);
+    leb128::put(&mut body, infos.len() as u64);
     for info in &infos {
         body.extend_from_slice(&info.checksum.to_le_bytes());
     }
@@ -326,7 +327,7 @@ pub(crate) fn front_of(header: &Header, chunks: &[Chunk<&[u8]>]) -> Result<Vec<u
     let mut front = Vec::with_capacity(MAGIC.len() + 9 + body.len());
     front.extend_from_slice(&MAGIC);
     front.push(VERSION);
-    put_leb128(&mut front, body.len() as u64);
+    leb128::put(&mut front, body.len() as u64);
     front.extend_from_slice(&body);
     let sum = crc32fast::hash(&front);
     front.extend_from_slice(&sum.to_le_bytes());
@@ -405,27 +406,8 @@ fn le32(bytes: &[u8]) -> u32 {
     bytes.iter().rev().fold(0, |n, &b| n << 8 | b as u32)
 }
 
-pub(super) fn put_leb128(out: &mut Vec<u8>, mut value: u64) {
-    while value >= 128 {
-        out.push(value as u8 | 128);
-        value >>= 7;
-    }
-    out.push(value as u8);
-}
-
-/// A number of at most ten bytes in the only way it can be written; `None` where the bytes end early.
-pub(super) fn leb128(bytes: &[u8], at: &mut usize) -> Result<Option<u64>, ContainerError> {
-    let mut value = 0u64;
-    for k in 0..10 {
-        let Some(&byte) = bytes.get(*at) else { return Ok(None) };
-        *at += 1;
-        if (k == 9 && byte > 1) || (k > 0 && byte == 0) {
-            break;
-        }
-        value |= ((byte & 127) as u64) << (7 * k);
-        if byte < 128 {
-            return Ok(Some(value));
-        }
-    }
-    inconsistent(Place::Header, "a number written in too many bytes")
+/// The number at `at`, which moves behind it; `None` where the bytes end early.
+fn number_at(bytes: &[u8], at: &mut usize) -> Result<Option<u64>, ContainerError> {
+    leb128::take(bytes, at)
+        .or_else(|leb128::Overlong| inconsistent(Place::Header, "a number written in too many bytes"))
 }

@@ -3,7 +3,8 @@
 //! Their kind of chunk may be skipped, so the chunk table knows nothing of them but their length: the payload says which image, and which of
 //! its previews, it is. A payload that makes no sense is passed over, as by a decoder that does not know the kind.
 
-use super::index::{leb128, put_leb128};
+use crate::image::signature;
+use crate::leb128;
 
 /// A preview of an image, as the payload of its chunk tells it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,7 +21,7 @@ impl<'a> Preview<'a> {
     /// What a payload says; `None` where it makes no sense: numbers that are cut or too large, or a file that begins neither as JPEG nor as PNG.
     pub fn of(payload: &'a [u8]) -> Option<Self> {
         let mut at = 0;
-        let mut number = || leb128(payload, &mut at).ok().flatten().and_then(|n| u32::try_from(n).ok());
+        let mut number = || leb128::take(payload, &mut at).ok().flatten().and_then(|n| u32::try_from(n).ok());
         let (image, number) = (number()?, number()?);
         let preview = Preview { image, number, bytes: payload.get(at..)? };
         preview.media_type().map(|_| preview)
@@ -28,18 +29,14 @@ impl<'a> Preview<'a> {
 
     /// The media type of the file by its first bytes.
     pub fn media_type(&self) -> Option<&'static str> {
-        match self.bytes {
-            [0xFF, 0xD8, 0xFF, ..] => Some("image/jpeg"),
-            [0x89, b'P', b'N', b'G', ..] => Some("image/png"),
-            _ => None,
-        }
+        signature::media_type(self.bytes).filter(|media| ["image/jpeg", "image/png"].contains(media))
     }
 
     /// The payload of its chunk.
     pub fn to_payload(&self) -> Vec<u8> {
         let mut out = Vec::with_capacity(10 + self.bytes.len());
-        put_leb128(&mut out, self.image.into());
-        put_leb128(&mut out, self.number.into());
+        leb128::put(&mut out, self.image.into());
+        leb128::put(&mut out, self.number.into());
         out.extend_from_slice(self.bytes);
         out
     }

@@ -2,6 +2,7 @@
 
 use super::Unsupported;
 use super::entropy::Code;
+use crate::image::signature::is_jpeg;
 
 /// Where coefficients are kept: blocks of 64 in zigzag order, component by component, row by row.
 pub type Blocks = Vec<[i16; 64]>;
@@ -36,7 +37,7 @@ impl<'a> Parsed<'a> {
     /// Take a file apart. It has one frame and then scans, and nothing but these and known segments.
     pub fn new(bytes: &'a [u8]) -> Result<Self, Unsupported> {
         const CUT: Unsupported = Unsupported("it is cut: its end marker is missing");
-        if !bytes.starts_with(&[0xFF, 0xD8, 0xFF]) {
+        if !is_jpeg(bytes) {
             return Err(Unsupported::NO_JPEG);
         }
         let mut items = Vec::new();

@@ -27,6 +27,7 @@ pub use lossy::{Pixels, Sampling, jpeg, loss_by_halving};
 pub use restore::restore;
 
 use self::frame::{Frame, Item, Parsed};
+use crate::image::signature::is_png;
 use std::borrow::Cow;
 use std::io::Read;
 use thiserror::Error;
@@ -122,7 +123,7 @@ impl Working {
         let start = &start[..];
         let word =
             |at: usize| start.get(at..).and_then(<[u8]>::first_chunk).map_or(0, |w| u32::from_be_bytes(*w) as u64);
-        if start.starts_with(b"\x89PNG\r\n\x1a\n") {
+        if is_png(start) {
             let (width, height) = (word(16), word(20));
             if start.get(12..16) != Some(b"IHDR") || width.max(height) > 65_535 || width * height > MOST_PIXELS {
                 // Nobody makes pixels of it.

@@ -6,6 +6,7 @@
 
 use super::frame::{Frame, Item, Parsed, ScanHeader, Tables, stays};
 use super::{END, Unsupported, progressive, sequential};
+use crate::leb128;
 
 /// The next segment of the progressive file that is no table of a scan.
 const SAME: u8 = 0;
@@ -28,12 +29,7 @@ pub fn reconstruction(parsed: &Parsed<'_>, filling: &[(usize, i16)]) -> Vec<u8> 
         out.extend_from_slice(&(filling.len() as u32).to_le_bytes());
         let mut before = 0;
         for &(place, value) in filling {
-            let mut gap = place - before;
-            while gap >= 128 {
-                out.push(gap as u8 | 128);
-                gap >>= 7;
-            }
-            out.push(gap as u8);
+            leb128::put(&mut out, (place - before) as u64);
             out.extend_from_slice(&value.to_le_bytes());
             before = place;
         }
@@ -111,20 +107,15 @@ pub fn restore(progressive: &[u8], reconstruction: &[u8], limit: u64) -> Result<
             FILLING => {
                 let count = reconstruction.get(at..).and_then(<[u8]>::first_chunk).ok_or(WRONG)?;
                 at += 4;
-                let mut place = 0usize;
+                let mut place = 0u64;
                 for _ in 0..u32::from_le_bytes(*count) {
-                    let mut shift = 0;
-                    loop {
-                        let &byte = reconstruction.get(at).filter(|_| shift < 35).ok_or(WRONG)?;
-                        place = place.checked_add((byte as usize & 127) << shift).ok_or(WRONG)?;
-                        (at, shift) = (at + 1, shift + 7);
-                        if byte < 128 {
-                            break;
-                        }
-                    }
+                    let gap = leb128::take(reconstruction, &mut at).ok().flatten().ok_or(WRONG)?;
+                    place = place.checked_add(gap).ok_or(WRONG)?;
                     let value = reconstruction.get(at..).and_then(<[u8]>::first_chunk).ok_or(WRONG)?;
                     at += 2;
-                    blocks.get_mut(place / 64).ok_or(WRONG)?[place % 64] = i16::from_le_bytes(*value);
+                    let block =
+                        usize::try_from(place / 64).ok().and_then(|block| blocks.get_mut(block)).ok_or(WRONG)?;
+                    block[(place % 64) as usize] = i16::from_le_bytes(*value);
                 }
             }
             _ => return Err(WRONG),

@@ -9,6 +9,7 @@
 
 use super::recompress::colours;
 use crate::image::jpeg::{Eighth, Means, Pixels, Sampling, Unsupported, eighth, jpeg};
+use crate::image::signature::{is_jpeg, is_png};
 use crate::mesh::Appearance;
 use std::fmt;
 use std::io::Cursor;
@@ -89,7 +90,7 @@ pub fn add_previews(appearance: &mut Appearance, previews: Previews) {
 
 /// The previews of one image, coarse before fine.
 fn of(file: &[u8], colour: bool) -> Result<Vec<Vec<u8>>, Unsupported> {
-    if file.starts_with(&[0xFF, 0xD8, 0xFF]) {
+    if is_jpeg(file) {
         let eighth = eighth(file)?;
         return pyramid(&IN_PIECES, file.len(), [eighth.width, eighth.height], |size| {
             from_eighth(&eighth, size).file(colour)
@@ -285,7 +286,7 @@ const NO_PNG: Unsupported = Unsupported("it is neither a PNG nor a JPEG that is 
 
 /// A PNG file about to be read in rows of eight bits a sample, if it is not interlaced and no larger than its bytes allow.
 fn open(file: &[u8]) -> Result<png::Reader<Cursor<&[u8]>>, Unsupported> {
-    if !file.starts_with(b"\x89PNG\r\n\x1a\n") {
+    if !is_png(file) {
         return Err(NO_PNG);
     }
     let mut decoder = png::Decoder::new_with_limits(Cursor::new(file), png::Limits { bytes: 64 << 20 });

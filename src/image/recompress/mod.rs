@@ -13,6 +13,7 @@ use serde_json::Value;
 
 pub use crate::image::jpeg::Sampling;
 use crate::image::jpeg::{Exactness, MOST_PIXELS, Pixels, Unsupported, jpeg, loss_by_halving};
+use crate::image::signature::{is_jpeg, is_png};
 use crate::mesh::{Appearance, Image};
 
 /// What becomes of images that are no JPEG.
@@ -123,7 +124,7 @@ pub fn recompress(appearance: &mut Appearance, textures: Textures) -> Vec<Recomp
     for (number, image) in appearance.images.iter_mut().enumerate() {
         let colour = colour.get(number) == Some(&true);
         let Some(quality) = textures.quality(colour) else { continue };
-        if image.bytes.is_empty() || image.bytes.starts_with(&[0xFF, 0xD8, 0xFF]) {
+        if image.bytes.is_empty() || is_jpeg(&image.bytes) {
             continue;
         }
         let name = if image.name.is_empty() { format!("image {number}") } else { image.name.clone() };
@@ -195,7 +196,7 @@ struct Picture {
 
 fn read(bytes: &[u8]) -> Result<Picture, Unsupported> {
     const DAMAGED: Unsupported = Unsupported("it is damaged");
-    if !bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
+    if !is_png(bytes) {
         return Err(Unsupported("it is neither PNG nor JPEG"));
     }
     let limits = png::Limits { bytes: 4 * MOST_PIXELS as usize };

@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use super::build::{Builder, Kind};
 use super::error::ReadErrorKind;
 use super::warning::Warning;
+use crate::image::signature;
 use crate::mesh::Image;
 
 /// The most bytes of an image file.
@@ -177,28 +178,7 @@ fn read_image(b: &mut Builder, path: &Path, name: &str) -> Result<Option<Vec<u8>
 
 /// The media type of an image: by its first bytes, else by its extension; empty where neither tells.
 pub(crate) fn media_type(name: &str, bytes: &[u8]) -> &'static str {
-    let starts: [(&[u8], &str); 13] = [
-        (b"\x89PNG", "image/png"),
-        (b"\xff\xd8\xff", "image/jpeg"),
-        (b"GIF8", "image/gif"),
-        (b"BM", "image/bmp"),
-        (b"II*\0", "image/tiff"),
-        (b"MM\0*", "image/tiff"),
-        (b"DDS ", "image/vnd-ms.dds"),
-        (b"\xabKTX 20\xbb", "image/ktx2"),
-        (b"\xabKTX 11\xbb", "image/ktx"),
-        (b"#?RADIANCE", "image/vnd.radiance"),
-        (b"#?RGBE", "image/vnd.radiance"),
-        (b"v/1\x01", "image/x-exr"),
-        (b"8BPS", "image/vnd.adobe.photoshop"),
-    ];
-    if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") {
-        return "image/webp";
-    }
-    if matches!(bytes.get(4..12), Some(b"ftypavif" | b"ftypavis")) {
-        return "image/avif";
-    }
-    if let Some((_, media)) = starts.iter().find(|(start, _)| bytes.starts_with(start)) {
+    if let Some(media) = signature::media_type(bytes) {
         return media;
     }
     let extension = name.rsplit(['.', '/', '\\']).next().unwrap_or_default().to_ascii_lowercase();

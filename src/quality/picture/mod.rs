@@ -1,7 +1,7 @@
 //! Pictures of meshes: scenes with normals, colours and textures, cameras, a renderer, PNG.
 //!
-//! For looking at results (`lodestream render`, `demo`, `report`) and for measuring how alike two meshes look (`quality`). A renderer
-//! is anything that draws a [`Scene`] from a [`View`]; [`Cpu`] needs no graphics card and gives the same picture on any number of cores.
+//! For looking at results (`lodestream render`, `demo`, `report`) and for measuring how alike two meshes look (`quality`).
+//! [`draw`] shows a [`Scene`] from a [`View`]; it needs no graphics card and gives the same picture on any number of cores.
 //!
 //! The light is the one that quality is measured under (Caillaud et al. 2016, section 6): it comes from the upper left behind the eye and is
 //! indirect: half the sky is bright, nothing casts a shadow.
@@ -9,21 +9,20 @@
 mod font;
 mod material;
 mod raster;
-pub(crate) mod scene;
-pub(crate) mod screen;
-pub(crate) mod texture;
+mod scene;
+mod screen;
+mod texture;
 mod textures;
 mod vector;
 mod view;
 
-pub use raster::Cpu;
+pub use raster::draw;
 pub use scene::Scene;
 pub use texture::{Pixels, decode};
 pub use textures::{Drawable, Textures};
 pub use view::View;
 
 use crate::mesh::Mesh;
-use crate::parallel;
 
 /// How faces are shaded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -37,30 +36,9 @@ pub enum Shading {
     Wire,
 }
 
-/// What draws pictures.
-pub trait Renderer: Sync {
-    /// The device that draws, for reports.
-    fn name(&self) -> String;
-
-    /// Draw `scene` into a picture of the given size.
-    fn draw(&self, scene: &Scene, view: &View, width: u32, height: u32) -> Picture;
-
-    /// Draw `scene` from each view and hand the pictures over with the numbers of their views, in any order and from any thread.
-    fn draw_each(
-        &self,
-        scene: &Scene,
-        views: &[View],
-        width: u32,
-        height: u32,
-        each: &(dyn Fn(usize, Picture) + Sync),
-    ) {
-        parallel::map(views.iter().enumerate().collect(), |(i, view)| each(i, self.draw(scene, view, width, height)));
-    }
-}
-
-/// Draw a valid mesh once, with [`Cpu`].
+/// Draw a valid mesh once.
 pub fn render(mesh: &Mesh, view: &View, shading: Shading, width: u32, height: u32) -> Picture {
-    Cpu.draw(&Scene::new(mesh, shading), view, width, height)
+    draw(&Scene::new(mesh, shading), view, width, height)
 }
 
 use std::io;

@@ -1,4 +1,4 @@
-//! The renderer for machines without a graphics card: triangles, lines and points into a z-buffer, then light on what is seen.
+//! The renderer, on the processor: triangles, lines and points into a z-buffer, then light on what is seen.
 //!
 //! Two by two samples a pixel. Bands of rows are drawn side by side on all cores, each by itself, so the picture does not depend on how many
 //! there are. Coordinates are rounded to 1/256 of a sample and edges tested in integers with the top-left rule: no sample is
@@ -6,27 +6,17 @@
 
 use super::scene::{Paint, Scene, Surface as Values, Triangle};
 use super::screen::{CODES, DANGLING, EMPTY, PARTS, SAMPLES, Screen, Seen, WIRE, codes, plain_lights};
-use super::{Picture, Renderer, View};
+use super::{Picture, View};
 use crate::parallel;
 
 /// Rows of samples that one task draws; a multiple of [`SAMPLES`].
 const BAND: usize = 32;
 
-/// The renderer that needs nothing but processors.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Cpu;
-
-impl Renderer for Cpu {
-    fn name(&self) -> String {
-        "cpu".into()
-    }
-
-    fn draw(&self, scene: &Scene, view: &View, width: u32, height: u32) -> Picture {
-        let frame = Frame::new(scene, view, width as usize * SAMPLES, height as usize * SAMPLES);
-        let bands = frame.bands();
-        let rows = parallel::map(bands, |band| frame.draw_band(band));
-        Picture { width, height, rgb: rows.concat() }
-    }
+/// Draw `scene` into a picture of the given size.
+pub fn draw(scene: &Scene, view: &View, width: u32, height: u32) -> Picture {
+    let frame = Frame::new(scene, view, width as usize * SAMPLES, height as usize * SAMPLES);
+    let rows = parallel::map(frame.bands(), |band| frame.draw_band(band));
+    Picture { width, height, rgb: rows.concat() }
 }
 
 /// What a band of rows has to draw.

@@ -6,65 +6,66 @@ use super::Shading;
 use super::material::Material;
 use super::texture::{self, Texture, to_linear};
 use super::textures::Textures;
-use super::vector::{cross, normalized, sub};
+use super::vector::unit;
 use crate::mesh::{Layer, LayerKind, Mesh, NO_VALUE, Stored};
+use glam::DVec3;
 
 /// No normal, colour or texture coordinate of one's own.
-pub(crate) const NONE: u32 = u32::MAX;
+pub(super) const NONE: u32 = u32::MAX;
 
 /// Isolated vertices and dangling edges without a colour, in linear light.
-pub(crate) const LOOSE: [f32; 3] = [0.83, 0.4, 0.06];
+pub(super) const LOOSE: [f32; 3] = [0.83, 0.4, 0.06];
 
 /// A mesh, ready to be drawn from any side.
 pub struct Scene {
-    pub(crate) points: Vec<[f64; 3]>,
-    pub(crate) triangles: Vec<Triangle>,
-    pub(crate) normals: Vec<[f32; 3]>,
+    pub(super) points: Vec<[f64; 3]>,
+    pub(super) triangles: Vec<Triangle>,
+    pub(super) normals: Vec<[f32; 3]>,
     /// Linear light, and alpha.
-    pub(crate) colours: Vec<[f32; 4]>,
+    pub(super) colours: Vec<[f32; 4]>,
     /// v downwards.
-    pub(crate) uvs: Vec<[f32; 2]>,
-    pub(crate) materials: Vec<Paint>,
+    pub(super) uvs: Vec<[f32; 2]>,
+    pub(super) materials: Vec<Paint>,
     /// Dangling edges.
-    pub(crate) dangling: Vec<[u32; 2]>,
+    pub(super) dangling: Vec<[u32; 2]>,
     /// Edges of faces, for [`Shading::Wire`] only.
-    pub(crate) wires: Vec<[u32; 2]>,
+    pub(super) wires: Vec<[u32; 2]>,
     /// Isolated vertices and their colours.
-    pub(crate) isolated: Vec<(u32, [f32; 3])>,
+    pub(super) isolated: Vec<(u32, [f32; 3])>,
     warnings: Vec<String>,
 }
 
 /// A triangle: numbers into the scene's lists.
 #[derive(Clone, Copy)]
-pub(crate) struct Triangle {
-    pub(crate) points: [u32; 3],
-    pub(crate) normals: [u32; 3],
-    pub(crate) colours: [u32; 3],
-    pub(crate) uvs: [u32; 3],
-    pub(crate) material: u32,
+pub(super) struct Triangle {
+    pub(super) points: [u32; 3],
+    pub(super) normals: [u32; 3],
+    pub(super) colours: [u32; 3],
+    pub(super) uvs: [u32; 3],
+    pub(super) material: u32,
 }
 
 /// The values at the corners of a triangle, before anything is seen of it.
-pub(crate) struct Surface {
-    pub(crate) normals: [[f32; 3]; 3],
-    pub(crate) colours: Option<[[f32; 4]; 3]>,
-    pub(crate) uvs: Option<[[f32; 2]; 3]>,
+pub(super) struct Surface {
+    pub(super) normals: [[f32; 3]; 3],
+    pub(super) colours: Option<[[f32; 4]; 3]>,
+    pub(super) uvs: Option<[[f32; 2]; 3]>,
     /// Texels of the full image in twice the triangle; 0 without one.
-    pub(crate) texels: f64,
+    pub(super) texels: f64,
 }
 
 /// What a face is painted with.
-pub(crate) struct Paint {
-    pub(crate) factor: [f32; 4],
-    pub(crate) cutoff: Option<f32>,
-    pub(crate) texture: Option<(usize, [texture::Wrap; 2])>,
+pub(super) struct Paint {
+    pub(super) factor: [f32; 4],
+    pub(super) cutoff: Option<f32>,
+    pub(super) texture: Option<(usize, [texture::Wrap; 2])>,
     /// From texture coordinates to the image, where that is not the identity.
-    pub(crate) transform: Option<[[f32; 2]; 3]>,
+    pub(super) transform: Option<[[f32; 2]; 3]>,
     /// The image's texels in the unit square of texture coordinates.
-    pub(crate) texels: f64,
-    pub(crate) images: Textures,
+    pub(super) texels: f64,
+    pub(super) images: Textures,
     /// Without a material or colours: back faces show by their tint.
-    pub(crate) plain: bool,
+    pub(super) plain: bool,
 }
 
 impl Scene {
@@ -98,11 +99,11 @@ impl Scene {
     }
 
     /// The values at the corners of a triangle.
-    pub(crate) fn surface(&self, triangle: &Triangle) -> Surface {
+    pub(super) fn surface(&self, triangle: &Triangle) -> Surface {
         let paint = &self.materials[triangle.material as usize];
         let normals = if triangle.normals[0] == NONE {
-            let [a, b, c] = triangle.points.map(|p| self.points[p as usize]);
-            [normalized(cross(sub(b, a), sub(c, a))).map(|c| c as f32); 3]
+            let [a, b, c] = triangle.points.map(|p| DVec3::from(self.points[p as usize]));
+            [unit((b - a).cross(c - a)).as_vec3().to_array(); 3]
         } else {
             triangle.normals.map(|n| self.normals[n as usize])
         };
@@ -204,13 +205,13 @@ impl<'a> Builder<'a> {
     fn run(mut self) -> Scene {
         // Where normals of vertices begin, when there are none in the file.
         let computed = self.scene.normals.len() as u32;
-        let face_normals: Vec<[f64; 3]> = self.mesh.faces().map(|face| self.newell(face)).collect();
+        let face_normals: Vec<DVec3> = self.mesh.faces().map(|face| self.newell(face)).collect();
         if self.smooth && self.normal.is_none() {
-            let mut sums = vec![[0.0; 3]; self.mesh.positions.len()];
-            for (face, n) in self.mesh.faces().zip(&face_normals) {
-                face.iter().for_each(|&v| (0..3).for_each(|k| sums[v as usize][k] += n[k]));
+            let mut sums = vec![DVec3::ZERO; self.mesh.positions.len()];
+            for (face, &n) in self.mesh.faces().zip(&face_normals) {
+                face.iter().for_each(|&v| sums[v as usize] += n);
             }
-            self.scene.normals.extend(sums.into_iter().map(|n| normalized(n).map(|c| c as f32)));
+            self.scene.normals.extend(sums.into_iter().map(|n| unit(n).as_vec3().to_array()));
         }
         for (f, &face_normal) in face_normals.iter().enumerate() {
             let face = self.mesh.face(f);
@@ -225,7 +226,7 @@ impl<'a> Builder<'a> {
             let flat = if self.smooth && self.normal.is_none() {
                 NONE
             } else {
-                self.scene.normals.push(normalized(face_normal).map(|c| c as f32));
+                self.scene.normals.push(unit(face_normal).as_vec3().to_array());
                 self.scene.normals.len() as u32 - 1
             };
             let corner = |i: usize| {
@@ -288,7 +289,7 @@ impl<'a> Builder<'a> {
         if let Some(all) = all(|c| c.normal) {
             let n = mean(all.iter().map(|&i| wide(scene.normals[i])).collect());
             middle.normal = scene.normals.len() as u32;
-            scene.normals.push(normalized([n[0], n[1], n[2]]).map(|c| c as f32));
+            scene.normals.push(unit(DVec3::new(n[0], n[1], n[2])).as_vec3().to_array());
         }
         if let Some(all) = all(|c| c.colour) {
             let c = mean(all.iter().map(|&i| wide(scene.colours[i])).collect());
@@ -304,14 +305,9 @@ impl<'a> Builder<'a> {
     }
 
     /// Twice the area vector of a polygon.
-    fn newell(&self, face: &[u32]) -> [f64; 3] {
-        let p = |i: usize| self.mesh.positions[face[i] as usize];
-        let mut sum = [0.0; 3];
-        for i in 1..face.len().saturating_sub(1) {
-            let n = cross(sub(p(i), p(0)), sub(p(i + 1), p(0)));
-            (0..3).for_each(|k| sum[k] += n[k]);
-        }
-        sum
+    fn newell(&self, face: &[u32]) -> DVec3 {
+        let p = |i: usize| DVec3::from(self.mesh.positions[face[i] as usize]);
+        (1..face.len().saturating_sub(1)).map(|i| (p(i) - p(0)).cross(p(i + 1) - p(0))).sum()
     }
 }
 
@@ -355,7 +351,7 @@ fn materials(mesh: &Mesh, coloured: bool, textures: &Textures) -> (Vec<Paint>, V
 
 impl Paint {
     /// The decoded image and what lies beyond its edges.
-    pub(crate) fn texture(&self) -> Option<(&Texture, [texture::Wrap; 2])> {
+    pub(super) fn texture(&self) -> Option<(&Texture, [texture::Wrap; 2])> {
         let (image, wrap) = self.texture?;
         Some((self.images.get(image)?, wrap))
     }

@@ -1,56 +1,56 @@
-//! What both renderers share: where points are seen, numbers for what is drawn, how lines become samples, the codes of light.
+//! Where points are seen, numbers for what is drawn, how lines become samples, the codes of light.
 //!
-//! Projection runs here, on the processor and in double precision, whoever draws: coordinates of national grids do not fit into the single
-//! precision of a graphics card, and both twins cover the same samples.
+//! Projection runs in double precision: coordinates of national grids do not fit into single precision.
 
 use super::scene::{LOOSE, Scene};
 use super::texture::{to_linear, to_srgb};
-use super::vector::normalized;
+use super::vector::unit;
 use super::view::View;
 use crate::parallel;
+use glam::DVec3;
 
 /// What is behind the mesh.
 const BACKGROUND: [u8; 3] = [38, 42, 50];
 /// The edges of [`Shading::Wire`](super::Shading::Wire).
 const WIRES: [u8; 3] = [30, 60, 92];
 /// Samples per pixel along each axis.
-pub(crate) const SAMPLES: usize = 2;
+pub(super) const SAMPLES: usize = 2;
 /// Parts of a sample that coordinates are rounded to.
-pub(crate) const PARTS: f64 = 256.0;
+pub(super) const PARTS: f64 = 256.0;
 /// Coordinates beyond it, in parts, are drawn to there.
 const FAR: f64 = (1i64 << 28) as f64;
 /// From where the light comes most: right, up, towards the eye.
-const LAMP: [f64; 3] = [-0.48, 0.6, 0.64];
+const LAMP: DVec3 = DVec3::new(-0.48, 0.6, 0.64);
 /// Steps between no light and full light that have a code of their own.
-pub(crate) const CODES: usize = 4096;
+pub(super) const CODES: usize = 4096;
 
 /// Numbers of nothing and of lines in place of triangles'; those of lone points follow the triangles'.
-pub(crate) const EMPTY: u32 = u32::MAX;
-pub(crate) const WIRE: u32 = u32::MAX - 1;
-pub(crate) const DANGLING: u32 = u32::MAX - 2;
+pub(super) const EMPTY: u32 = u32::MAX;
+pub(super) const WIRE: u32 = u32::MAX - 1;
+pub(super) const DANGLING: u32 = u32::MAX - 2;
 
 /// A point as it is seen: column and row in parts of a sample, depth, and how much nearer than the centre it is.
 #[derive(Clone, Copy)]
-pub(crate) struct Seen {
-    pub(crate) x: i32,
-    pub(crate) y: i32,
-    pub(crate) depth: f32,
-    pub(crate) near: f32,
-    pub(crate) there: bool,
+pub(super) struct Seen {
+    pub(super) x: i32,
+    pub(super) y: i32,
+    pub(super) depth: f32,
+    pub(super) near: f32,
+    pub(super) there: bool,
 }
 
 /// A scene's points from one view, and the lamp in the scene's axes.
-pub(crate) struct Screen {
-    pub(crate) seen: Vec<Seen>,
-    pub(crate) lamp: [f32; 3],
+pub(super) struct Screen {
+    pub(super) seen: Vec<Seen>,
+    pub(super) lamp: [f32; 3],
     /// Samples.
-    pub(crate) width: usize,
-    pub(crate) height: usize,
+    pub(super) width: usize,
+    pub(super) height: usize,
 }
 
 impl Screen {
     /// For a picture of so many samples.
-    pub(crate) fn new(scene: &Scene, view: &View, width: usize, height: usize) -> Self {
+    pub(super) fn new(scene: &Scene, view: &View, width: usize, height: usize) -> Self {
         let half = 0.5 * width.min(height) as f64;
         let (middle_x, middle_y) = (0.5 * width as f64, 0.5 * height as f64);
         let part = |c: f64| (c * PARTS).round().clamp(-FAR, FAR) as i32;
@@ -67,19 +67,20 @@ impl Screen {
             };
             scene.points[range].iter().map(see).collect::<Vec<Seen>>()
         });
-        let lamp = normalized(LAMP);
-        let lamp = std::array::from_fn(|k| (0..3).map(|i| lamp[i] * view.axes[i][k]).sum::<f64>() as f32);
+        let lamp = unit(LAMP);
+        let [right, up, towards] = view.axes;
+        let lamp = (lamp.x * right + lamp.y * up + lamp.z * towards).as_vec3().to_array();
         Screen { seen: seen.concat(), lamp, width, height }
     }
 
     /// Lines lie in the faces that they border; a hair's breadth lifts them out.
-    pub(crate) fn lift(&self) -> f32 {
+    pub(super) fn lift(&self) -> f32 {
         3.0 / self.width.min(self.height).max(1) as f32
     }
 
     /// Hand the samples of all lines and lone points whose rows may be among `rows` to `plot`: column, row, depth, number. In the order in
     /// which they are drawn, after the triangles.
-    pub(crate) fn lines_and_points(
+    pub(super) fn lines_and_points(
         &self,
         scene: &Scene,
         rows: std::ops::Range<usize>,
@@ -121,12 +122,12 @@ impl Screen {
 }
 
 /// Linear light of what is no triangle: the background, wires, dangling edges.
-pub(crate) fn plain_lights() -> [[f32; 3]; 3] {
+pub(super) fn plain_lights() -> [[f32; 3]; 3] {
     let linear = |colour: [u8; 3]| colour.map(|c| to_linear(f32::from(c) / 255.0));
     [linear(BACKGROUND), linear(WIRES), LOOSE]
 }
 
 /// What a step of light is in the picture, for 0 to [`CODES`].
-pub(crate) fn codes() -> Vec<u8> {
+pub(super) fn codes() -> Vec<u8> {
     (0..=CODES).map(|i| (255.0 * to_srgb(i as f32 / CODES as f32) + 0.5) as u8).collect()
 }

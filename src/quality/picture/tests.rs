@@ -133,7 +133,7 @@ fn what_cannot_be_drawn_is_said() {
         scene.warnings(),
         ["four.png: neither PNG nor JPEG; other images are not drawn; its faces are drawn without it"]
     );
-    assert_ne!(Cpu.draw(&scene, &View::front(&mesh), 20, 20).pixel(10, 10), [38, 42, 50]);
+    assert_ne!(draw(&scene, &View::front(&mesh), 20, 20).pixel(10, 10), [38, 42, 50]);
 }
 
 #[test]

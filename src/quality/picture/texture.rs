@@ -4,6 +4,7 @@
 //! value is blended within two neighbouring sizes and between them (trilinear), so that a picture changes gently with the size of
 //! the triangles that the texture lies on.
 
+use crate::image::signature::media_type;
 use std::io::Cursor;
 use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
@@ -29,10 +30,10 @@ pub struct Pixels {
 /// One line on what is wrong: another format, a damaged file, too many pixels.
 pub fn decode(bytes: &[u8]) -> Result<Pixels, String> {
     let line = |text: String| text.split_whitespace().collect::<Vec<&str>>().join(" ");
-    match bytes {
-        [] => Err("the image was not there".into()),
-        [0x89, b'P', b'N', b'G', ..] => decode_png(bytes).map_err(|e| format!("not a sound PNG file: {}", line(e))),
-        [0xff, 0xd8, ..] => decode_jpeg(bytes).map_err(|e| format!("not a sound JPEG file: {}", line(e))),
+    match media_type(bytes) {
+        _ if bytes.is_empty() => Err("the image was not there".into()),
+        Some("image/png") => decode_png(bytes).map_err(|e| format!("not a sound PNG file: {}", line(e))),
+        Some("image/jpeg") => decode_jpeg(bytes).map_err(|e| format!("not a sound JPEG file: {}", line(e))),
         _ => Err("neither PNG nor JPEG; other images are not drawn".into()),
     }
 }
@@ -84,7 +85,7 @@ fn whole(pixels: Pixels) -> Result<Pixels, String> {
 
 /// What lies beyond the edges of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Wrap {
+pub(super) enum Wrap {
     Repeat,
     Clamp,
     Mirror,
@@ -92,7 +93,7 @@ pub(crate) enum Wrap {
 
 impl Wrap {
     /// By the number that OpenGL and glTF give it.
-    pub(crate) fn from_number(number: u64) -> Self {
+    pub(super) fn from_number(number: u64) -> Self {
         match number {
             33071 => Wrap::Clamp,
             33648 => Wrap::Mirror,
@@ -113,21 +114,21 @@ impl Wrap {
 }
 
 /// An image in all sizes.
-pub(crate) struct Texture {
+pub(super) struct Texture {
     /// Each half of the one before, rounded down, to a single texel.
-    pub(crate) sizes: Vec<Size>,
+    pub(super) sizes: Vec<Size>,
 }
 
 /// An image in one of its sizes.
-pub(crate) struct Size {
-    pub(crate) width: usize,
-    pub(crate) height: usize,
+pub(super) struct Size {
+    pub(super) width: usize,
+    pub(super) height: usize,
     /// Linear red, green, blue, and alpha, row by row.
-    pub(crate) texels: Vec<[u16; 4]>,
+    pub(super) texels: Vec<[u16; 4]>,
 }
 
 impl Texture {
-    pub(crate) fn new(pixels: &Pixels) -> Self {
+    pub(super) fn new(pixels: &Pixels) -> Self {
         let linear: Vec<u16> = (0..=255u8).map(|c| (to_linear(f32::from(c) / 255.0) * 65535.0 + 0.5) as u16).collect();
         let texels = pixels
             .rgba
@@ -142,12 +143,12 @@ impl Texture {
     }
 
     /// Texels of the full size.
-    pub(crate) fn texels(&self) -> f64 {
+    pub(super) fn texels(&self) -> f64 {
         self.sizes[0].texels.len() as f64
     }
 
     /// The colour and alpha at `u`, `v` (downwards), in linear light; `level` 0 is the full size, 1 half of it.
-    pub(crate) fn sample(&self, u: f32, v: f32, level: f32, wrap: [Wrap; 2]) -> [f32; 4] {
+    pub(super) fn sample(&self, u: f32, v: f32, level: f32, wrap: [Wrap; 2]) -> [f32; 4] {
         let level = level.clamp(0.0, (self.sizes.len() - 1) as f32);
         let fine = level as usize;
         let t = level - fine as f32;
@@ -197,12 +198,12 @@ impl Size {
 }
 
 /// sRGB, 0 to 1, into linear light.
-pub(crate) fn to_linear(c: f32) -> f32 {
+pub(super) fn to_linear(c: f32) -> f32 {
     if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
 }
 
 /// Linear light, 0 to 1, into sRGB.
-pub(crate) fn to_srgb(c: f32) -> f32 {
+pub(super) fn to_srgb(c: f32) -> f32 {
     if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 }
 }
 

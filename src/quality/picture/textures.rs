@@ -73,12 +73,6 @@ impl Textures {
         &self.warnings
     }
 
-    /// Each image in turn.
-    #[cfg(feature = "gpu")]
-    pub(crate) fn all(&self) -> impl Iterator<Item = Option<&Texture>> {
-        self.images.iter().map(|image| image.as_ref().map(|image| image.0.as_ref()))
-    }
-
     pub(super) fn get(&self, image: usize) -> Option<&Texture> {
         self.images.get(image)?.as_ref().map(|image| image.0.as_ref())
     }

@@ -1,19 +1,9 @@
-//! Three numbers.
+//! Directions.
 
-pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
+use glam::DVec3;
 
-pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-pub(super) fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-/// Of length 1; z where there is no direction.
-pub(super) fn normalized(a: [f64; 3]) -> [f64; 3] {
-    let length = dot(a, a).sqrt();
-    if length > 0.0 && length.is_finite() { a.map(|c| c / length) } else { [0.0, 0.0, 1.0] }
+/// `v` of length 1; z where there is no direction. Divides, and so differs from `glam` in the last bit: pictures decide on orders of chunks.
+pub(super) fn unit(v: DVec3) -> DVec3 {
+    let length = v.length();
+    if length > 0.0 && length.is_finite() { v / length } else { DVec3::Z }
 }

@@ -1,15 +1,16 @@
 //! Cameras.
 
-use super::vector::{cross, dot, normalized};
+use super::vector::unit;
 use crate::mesh::Mesh;
+use glam::{DVec3, dvec3};
 
 /// A camera: where it looks from, and what fits into the picture. Orthographic unless [`perspective`](View::perspective) says otherwise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
     /// Rows: to the right, up, towards the eye; orthonormal.
-    pub(super) axes: [[f64; 3]; 3],
+    pub(super) axes: [DVec3; 3],
     /// In the middle of the picture.
-    pub(super) centre: [f64; 3],
+    pub(super) centre: DVec3,
     /// Half of the shorter side of the picture, in the units of the mesh, at the depth of the centre.
     pub(super) radius: f64,
     /// Half of the diagonal of the mesh.
@@ -29,24 +30,24 @@ impl View {
     /// Turned about the upright y axis by `yaw`, then lifted by `pitch` (radians), with `mesh` filling nine tenths of the picture.
     pub fn from_angles(mesh: &Mesh, yaw: f64, pitch: f64) -> Self {
         let ((sy, cy), (sp, cp)) = (yaw.sin_cos(), pitch.sin_cos());
-        View::fitted(mesh, [[cy, 0.0, sy], [sp * sy, cp, -sp * cy], [-cp * sy, sp, cp * cy]])
+        View::fitted(mesh, [dvec3(cy, 0.0, sy), dvec3(sp * sy, cp, -sp * cy), dvec3(-cp * sy, sp, cp * cy)])
     }
 
     /// The same camera for a mesh whose z axis is upright, as in most scans.
     pub fn z_up(mesh: &Mesh, yaw: f64, pitch: f64) -> Self {
         let turned = View::from_angles(&Mesh::default(), yaw, pitch);
-        View::fitted(mesh, turned.axes.map(|a| [a[0], -a[2], a[1]]))
+        View::fitted(mesh, turned.axes.map(|a| dvec3(a.x, -a.z, a.y)))
     }
 
     /// From `direction` (any length but 0), y upright, or z where that is nearly the direction; the sphere around the bounding box of
     /// `mesh` fills the picture.
     pub fn around(mesh: &Mesh, direction: [f64; 3]) -> Self {
-        let towards = normalized(direction);
-        let up = if towards[1].abs() > 0.99 { [0.0, 0.0, 1.0] } else { [0.0, 1.0, 0.0] };
-        let right = normalized(cross(up, towards));
-        let mut view = View::fitted(mesh, [right, cross(towards, right), towards]);
+        let towards = unit(direction.into());
+        let up = if towards.y.abs() > 0.99 { DVec3::Z } else { DVec3::Y };
+        let right = unit(up.cross(towards));
+        let mut view = View::fitted(mesh, [right, towards.cross(right), towards]);
         if let Some((lo, hi)) = mesh.bounds() {
-            view.centre = std::array::from_fn(|k| 0.5 * lo[k] + 0.5 * hi[k]);
+            view.centre = 0.5 * DVec3::from(lo) + 0.5 * DVec3::from(hi);
         }
         view.radius = view.reach;
         view.depth = None;
@@ -67,32 +68,26 @@ impl View {
         self
     }
 
-    fn fitted(mesh: &Mesh, axes: [[f64; 3]; 3]) -> Self {
-        let (mut lo, mut hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-        for p in &mesh.positions {
-            for k in 0..3 {
-                let c = dot(axes[k], *p);
-                lo[k] = lo[k].min(c);
-                hi[k] = hi[k].max(c);
-            }
+    fn fitted(mesh: &Mesh, axes: [DVec3; 3]) -> Self {
+        let (mut lo, mut hi) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for &p in &mesh.positions {
+            let turned = DVec3::from_array(axes.map(|axis| axis.dot(p.into())));
+            (lo, hi) = (lo.min(turned), hi.max(turned));
         }
-        let middle = |k: usize| if lo[k] <= hi[k] { 0.5 * (lo[k] + hi[k]) } else { 0.0 };
-        let centre = std::array::from_fn(|j| (0..3).map(|k| axes[k][j] * middle(k)).sum());
+        let middle = if mesh.positions.is_empty() { DVec3::ZERO } else { 0.5 * (lo + hi) };
+        let centre = axes[0] * middle.x + axes[1] * middle.y + axes[2] * middle.z;
         let size = |length: f64| if length > 0.0 && length.is_finite() { length } else { 1.0 };
-        let radius = size(0.5 * (hi[0] - lo[0]).max(hi[1] - lo[1]) / 0.9);
-        let reach = mesh.bounds().map_or(1.0, |(lo, hi)| {
-            let d: [f64; 3] = std::array::from_fn(|k| 0.5 * (hi[k] - lo[k]));
-            size(dot(d, d).sqrt())
-        });
-        let depth = Some(if lo[2] <= hi[2] { 0.5 * (hi[2] - lo[2]) } else { 0.0 });
+        let radius = size(0.5 * (hi.x - lo.x).max(hi.y - lo.y) / 0.9);
+        let reach = mesh.bounds().map_or(1.0, |(lo, hi)| size((0.5 * (DVec3::from(hi) - DVec3::from(lo))).length()));
+        let depth = Some(if lo.z <= hi.z { 0.5 * (hi.z - lo.z) } else { 0.0 });
         View { axes, centre, radius, reach, depth, distance: None }
     }
 
     /// Where `p` is seen: right and up in half sides of the picture, depth growing towards the eye, and how much nearer than the
     /// centre it is (1 for all in an orthographic view). `None` behind the eye, or close before it.
     pub(super) fn project(&self, p: [f64; 3]) -> Option<([f64; 2], f64, f64)> {
-        let d = std::array::from_fn(|k| p[k] - self.centre[k]);
-        let [x, y, z] = self.axes.map(|axis| dot(axis, d) / self.radius);
+        let d = DVec3::from(p) - self.centre;
+        let [x, y, z] = self.axes.map(|axis| axis.dot(d) / self.radius);
         let Some(distance) = self.distance else { return Some(([x, y], z, 1.0)) };
         let distance = distance / self.radius;
         let left = distance - z;
@@ -120,7 +115,7 @@ mod tests {
                 for a in 0..3 {
                     for b in 0..3 {
                         let expected = if a == b { 1.0 } else { 0.0 };
-                        assert!((dot(view.axes[a], view.axes[b]) - expected).abs() < 1e-12);
+                        assert!((view.axes[a].dot(view.axes[b]) - expected).abs() < 1e-12);
                     }
                 }
                 for &p in &mesh.positions {

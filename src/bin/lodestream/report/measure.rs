@@ -2,7 +2,6 @@
 
 use super::Args;
 use crate::decode;
-use crate::draw::{Looks, Pen, Work};
 use crate::encode::{arrange, stage_name};
 use crate::model;
 use crate::progress::Bars;
@@ -15,8 +14,8 @@ use lodestream::format::decoder::{Decoder, Step};
 use lodestream::io::read::ReadOptions;
 use lodestream::mesh::Mesh;
 use lodestream::mesh::lattice::Quantization;
-use lodestream::quality::picture::{Picture, Scene, Shading, View};
-use lodestream::quality::{self, Geometry, Sampled, Weights};
+use lodestream::quality::picture::{Picture, Scene, Shading, View, draw};
+use lodestream::quality::{self, Geometry, Sampled, Snapshots, Weights};
 use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
@@ -39,8 +38,6 @@ pub struct Subject {
     /// Bytes of images in the whole file.
     pub images: u64,
     pub warnings: Vec<String>,
-    /// The device that drew the pictures.
-    pub drawn_by: String,
 }
 
 /// A prefix, that ends with a level or a piece of an image, and what it is worth.
@@ -73,7 +70,7 @@ impl Subject {
 }
 
 /// Encode where need be, decode and measure one file.
-pub fn measure(path: &Path, args: &Args, threads: usize, bars: &Bars) -> Result<Subject> {
+pub fn measure(path: &Path, args: &Args, bars: &Bars) -> Result<Subject> {
     let name = path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned());
     let mut subject = Subject {
         name,
@@ -86,7 +83,6 @@ pub fn measure(path: &Path, args: &Args, threads: usize, bars: &Bars) -> Result<
         levels: Vec::new(),
         images: 0,
         warnings: Vec::new(),
-        drawn_by: String::new(),
     };
     let (source, bytes) = if model::is_lods(path) {
         (model::load(path, None, &args.machine, bars)?.mesh, shared::read_file(path)?)
@@ -140,17 +136,14 @@ pub fn measure(path: &Path, args: &Args, threads: usize, bars: &Bars) -> Result<
     subject.faces = source.face_count();
     subject.bytes = bytes.len() as u64;
     subject.diagonal = quality::diagonal(&source);
-    let pictures = (usize::from(args.levels) + 1) * usize::from(args.looks.views);
-    let pen = args.device.pen(&Work { pictures, ..args.looks.work(1, subject.faces) }, threads);
-    levels(&source, bytes, args, &pen, bars, &mut subject).with_context(|| path.display().to_string())?;
-    subject.drawn_by = pen.put_down();
+    levels(&source, bytes, args, bars, &mut subject).with_context(|| path.display().to_string())?;
     Ok(subject)
 }
 
-fn levels(source: &Mesh, bytes: Vec<u8>, args: &Args, pen: &Pen, bars: &Bars, subject: &mut Subject) -> Result<()> {
+fn levels(source: &Mesh, bytes: Vec<u8>, args: &Args, bars: &Bars, subject: &mut Subject) -> Result<()> {
     let sampled = Sampled::new(source);
     let options = args.sampling.options();
-    let mut looks = (args.looks.views > 0).then(|| Looks::new(source, pen, args.looks.options())).transpose()?;
+    let looks = (args.looks.views > 0).then(|| Snapshots::new(source, &args.looks.options())).transpose()?;
     subject.warnings.extend(looks.as_ref().map_or_else(Vec::new, |s| s.warnings().to_vec()));
     let view = View::front(source);
     let front = match FileIndex::parse(&bytes)? {
@@ -179,7 +172,7 @@ fn levels(source: &Mesh, bytes: Vec<u8>, args: &Args, pen: &Pen, bars: &Bars, su
             _ => quality::geometry_of(&sampled, &Sampled::new(&mesh), &options),
         };
         geometry = Some((level, measured));
-        let ms_ssim = looks.as_mut().map(|l| l.compare(&mesh)).transpose()?.map(|look| look.ms_ssim);
+        let ms_ssim = looks.as_ref().map(|l| l.compare(&mesh)).transpose()?.map(|look| look.ms_ssim);
         subject.levels.push(Measured {
             level,
             images: chunks_until(&front, stop).filter(|c| c.kind == Kind::Image).map(|c| c.length).sum(),
@@ -190,7 +183,7 @@ fn levels(source: &Mesh, bytes: Vec<u8>, args: &Args, pen: &Pen, bars: &Bars, su
             geometry: measured,
             ms_ssim,
             decode_seconds: decoding,
-            picture: pen.renderer().draw(&Scene::new(&mesh, Shading::Flat), &view, STRIP, STRIP),
+            picture: draw(&Scene::new(&mesh, Shading::Flat), &view, STRIP, STRIP),
         });
         bars.show("measure", subject.levels.len() as u64, stops.len() as u64);
     }
@@ -276,7 +269,6 @@ pub fn json(subjects: &[Subject], args: &Args, threads: usize) -> Value {
             "seconds": pairs(&s.stages),
             "levels": s.levels.iter().map(|l| level(s, l)).collect::<Vec<_>>(),
             "warnings": s.warnings,
-            "device": s.drawn_by,
         })
     };
     json!({

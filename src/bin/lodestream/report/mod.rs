@@ -1,12 +1,10 @@
 //! `lodestream report`: what each prefix of a file costs and is worth, on one page that opens anywhere.
 
-mod chart;
 mod measure;
 mod page;
 
 use crate::Outcome;
 use crate::compare::{Looks, Sampling};
-use crate::draw::DrawArgs;
 use crate::encode::ImageArgs;
 use crate::output::Output;
 use crate::progress::Bars;
@@ -46,8 +44,6 @@ pub struct Args {
     #[command(flatten)]
     looks: Looks,
     #[command(flatten)]
-    device: DrawArgs,
-    #[command(flatten)]
     machine: Machine,
     /// Print the JSON object too
     #[arg(long)]
@@ -63,7 +59,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
         let bars = Bars::new(!args.json);
         let mut subjects: Vec<Subject> = Vec::new();
         for path in &args.inputs {
-            subjects.push(measure::measure(path, args, threads, &bars)?);
+            subjects.push(measure::measure(path, args, &bars)?);
         }
         bars.finish();
         let json = measure::json(&subjects, args, threads);

@@ -3,6 +3,7 @@
 mod random;
 
 use super::*;
+use crate::leb128;
 use crate::mesh::lattice::Lattice;
 
 /// A header like that of a scan of `vertices` vertices in `levels` levels, from a little generator of noise.
@@ -117,12 +118,7 @@ fn read_all(reader: &mut Reader) -> (HandedOut, Result<(), ContainerError>) {
 fn wrap(body: &[u8]) -> Vec<u8> {
     let mut out = MAGIC.to_vec();
     out.push(VERSION);
-    let mut n = body.len();
-    while n >= 128 {
-        out.push(n as u8 | 128);
-        n >>= 7;
-    }
-    out.push(n as u8);
+    leb128::put(&mut out, body.len() as u64);
     out.extend_from_slice(body);
     let sum = crc32fast::hash(&out);
     out.extend_from_slice(&sum.to_le_bytes());
@@ -132,12 +128,7 @@ fn wrap(body: &[u8]) -> Vec<u8> {
 /// A front that says what it is told, be it nonsense.
 fn forge(header: &Header, infos: &[ChunkInfo]) -> Vec<u8> {
     let mut body = vec![0, 0];
-    let mut n = infos.len();
-    while n >= 128 {
-        body.push(n as u8 | 128);
-        n >>= 7;
-    }
-    body.push(n as u8);
+    leb128::put(&mut body, infos.len() as u64);
     infos.iter().for_each(|i| body.extend_from_slice(&i.checksum.to_le_bytes()));
     body.extend_from_slice(&table::encode(header, infos).unwrap());
     wrap(&body)

@@ -1,5 +1,6 @@
 //! Scenes: which mesh stands where, and how often.
 
+use glam::{DAffine3, DMat3, DMat4, DVec3};
 use serde_json::Value;
 
 use super::super::build::{Builder, Kind};
@@ -9,65 +10,44 @@ use super::accessor::Accessor;
 use super::json::{as_uint, in_range, index, list, numbers};
 use super::{Document, top};
 
-/// An affine map: three rows of a 4 × 4 matrix.
+/// An affine map.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Matrix(pub [[f64; 4]; 3]);
+pub(super) struct Matrix(DAffine3);
 
 impl Matrix {
-    pub const IDENTITY: Matrix = Matrix([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]);
+    pub const IDENTITY: Matrix = Matrix(DAffine3::IDENTITY);
 
     /// First `other`, then `self`.
     pub fn times(&self, other: &Matrix) -> Matrix {
-        if *other == Matrix::IDENTITY {
-            return *self;
-        }
-        let (a, b) = (&self.0, &other.0);
-        Matrix(std::array::from_fn(|r| {
-            std::array::from_fn(|c| {
-                let last = if c == 3 { a[r][3] } else { 0.0 };
-                a[r][0] * b[0][c] + a[r][1] * b[1][c] + a[r][2] * b[2][c] + last
-            })
-        }))
+        if *other == Matrix::IDENTITY { *self } else { Matrix(self.0 * other.0) }
     }
 
     #[inline]
     pub fn apply(&self, p: [f64; 3]) -> [f64; 3] {
-        let [a, b, c] = &self.0;
-        let along = |row: &[f64; 4]| row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3];
-        [along(a), along(b), along(c)]
+        self.0.transform_point3(p.into()).to_array()
     }
 
     /// Whether directions stay as they are.
     pub fn keeps_directions(&self) -> bool {
-        (0..3).all(|r| self.0[r][..3] == Matrix::IDENTITY.0[r][..3])
+        self.0.matrix3 == DMat3::IDENTITY
     }
 
     /// A unit vector along the surface in its new place.
     pub fn tangent(&self, v: [f64; 3]) -> [f64; 3] {
-        unit(self.0.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2]), v)
+        unit(self.0.transform_vector3(v.into()), v)
     }
 
     /// A unit normal in its new place: by the inverse transpose, which is the matrix of cofactors but for a factor.
     pub fn normal(&self, v: [f64; 3]) -> [f64; 3] {
-        let m = &self.0;
+        let DMat3 { x_axis: a, y_axis: b, z_axis: c } = self.0.matrix3;
+        let cofactors = DMat3::from_cols(b.cross(c), c.cross(a), a.cross(b));
         let sign = if self.mirrors() { -1.0 } else { 1.0 };
-        let out = std::array::from_fn(|r| {
-            let (a, b) = ((r + 1) % 3, (r + 2) % 3);
-            (0..3)
-                .map(|c| {
-                    let (d, e) = ((c + 1) % 3, (c + 2) % 3);
-                    sign * v[c] * (m[a][d] * m[b][e] - m[a][e] * m[b][d])
-                })
-                .sum::<f64>()
-        });
-        unit(out, v)
+        unit(cofactors * (sign * DVec3::from(v)), v)
     }
 
     /// True when it turns right hands into left ones.
     pub fn mirrors(&self) -> bool {
-        let [a, b, c] = &self.0;
-        let minor = |i: usize, j: usize| b[i] * c[j] - b[j] * c[i];
-        a[0] * minor(1, 2) - a[1] * minor(0, 2) + a[2] * minor(0, 1) < 0.0
+        self.0.matrix3.determinant() < 0.0
     }
 
     /// Scale, then rotate by the quaternion x, y, z, w, then translate.
@@ -76,18 +56,18 @@ impl Matrix {
         // Written so that the identity comes out exactly, and a quaternion of another length than 1 still rotates.
         let norm = x * x + y * y + z * z + w * w;
         let k = if norm > 0.0 { 2.0 / norm } else { 0.0 };
-        let rotation = [
-            [1.0 - k * (y * y + z * z), k * (x * y - w * z), k * (x * z + w * y)],
-            [k * (x * y + w * z), 1.0 - k * (x * x + z * z), k * (y * z - w * x)],
-            [k * (x * z - w * y), k * (y * z + w * x), 1.0 - k * (x * x + y * y)],
+        let columns = [
+            [1.0 - k * (y * y + z * z), k * (x * y + w * z), k * (x * z - w * y)],
+            [k * (x * y - w * z), 1.0 - k * (x * x + z * z), k * (y * z + w * x)],
+            [k * (x * z + w * y), k * (y * z - w * x), 1.0 - k * (x * x + y * y)],
         ];
-        Matrix(std::array::from_fn(|r| [rotation[r][0] * s[0], rotation[r][1] * s[1], rotation[r][2] * s[2], t[r]]))
+        let [a, b, c] = columns.map(DVec3::from);
+        Matrix(DAffine3::from_cols(a * s[0], b * s[1], c * s[2], t.into()))
     }
 
     fn of_node(node: &Value) -> Result<Matrix, Kind> {
         if let Some(m) = numbers::<16>(node, "matrix")? {
-            // Columns first.
-            return Ok(Matrix(std::array::from_fn(|r| std::array::from_fn(|c| m[4 * c + r]))));
+            return Ok(Matrix(DAffine3::from_mat4(DMat4::from_cols_array(&m))));
         }
         let t = numbers(node, "translation")?.unwrap_or([0.0; 3]);
         let q = numbers(node, "rotation")?.unwrap_or([0.0, 0.0, 0.0, 1.0]);
@@ -97,9 +77,9 @@ impl Matrix {
 }
 
 /// `v` with length 1; `otherwise` where it has none.
-fn unit(v: [f64; 3], otherwise: [f64; 3]) -> [f64; 3] {
-    let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
-    if length > 0.0 && length.is_finite() { v.map(|x| x / length) } else { otherwise }
+fn unit(v: DVec3, otherwise: [f64; 3]) -> [f64; 3] {
+    let length = v.length();
+    if length > 0.0 && length.is_finite() { (v / length).to_array() } else { otherwise }
 }
 
 /// A mesh in its place.

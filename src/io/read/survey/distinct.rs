@@ -1,6 +1,8 @@
 //! How many different things a stream holds, in a few kilobytes: HyperLogLog (Flajolet et al. 2007) with 4,096 registers,
 //! a standard error of 1.6 %. Small sets are counted by linear counting, as the paper does.
 
+use crate::random::{GOLDEN, mix};
+
 const BITS: u32 = 12;
 const SIZE: usize = 1 << BITS;
 
@@ -17,11 +19,7 @@ impl Distinct {
     /// Add a value; any bits will do, they are mixed here.
     #[inline]
     pub fn add(&mut self, a: u64, b: u64) {
-        let mut x = a ^ b.rotate_left(32).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-        // The finalizer of splitmix64: every bit of the input reaches every bit of the output.
-        x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        x ^= x >> 31;
+        let x = mix(a ^ b.rotate_left(32).wrapping_mul(GOLDEN));
         let slot = (x >> (64 - BITS)) as usize;
         let rank = ((x << BITS) | (1 << (BITS - 1))).leading_zeros() as u8 + 1;
         if let Some(r) = self.registers.get_mut(slot) {

@@ -1,48 +1,10 @@
-//! Numbers that look random and are the same on every machine: SplitMix64 (Steele, Lea, Flood 2014), value noise
-//! on an integer hash, and sines by polynomial (the platform's own differ in the last bit).
+//! Value noise on an integer hash, and sines by polynomial (the platform's own differ in the last bit).
 
-/// A stream of pseudo-random numbers.
-#[derive(Clone, Debug)]
-pub struct Random(u64);
-
-/// SplitMix64's mixing function.
-fn mix(mut z: u64) -> u64 {
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    z ^ (z >> 31)
-}
-
-impl Random {
-    /// The stream of `seed`.
-    pub fn new(seed: u64) -> Self {
-        Random(mix(seed.wrapping_add(0x9E37_79B9_7F4A_7C15)))
-    }
-
-    /// The next 64 bits.
-    pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        mix(self.0)
-    }
-
-    /// A number in `0..n`, 0 when `n` is 0.
-    pub fn below(&mut self, n: u32) -> u32 {
-        ((u128::from(self.bits()) * u128::from(n)) >> 64) as u32
-    }
-
-    /// A number in `0.0..1.0`.
-    pub fn unit(&mut self) -> f64 {
-        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    /// A point of the cube `-1.0..1.0`.
-    pub fn point(&mut self) -> [f64; 3] {
-        std::array::from_fn(|_| 2.0 * self.unit() - 1.0)
-    }
-}
+use crate::random::{GOLDEN, mix};
 
 /// The hash of a lattice point, in `-1.0..1.0`.
 fn lattice_value(p: [i64; 3], seed: u64) -> f64 {
-    let h = p.iter().fold(seed, |h, &c| mix(h ^ (c as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15)));
+    let h = p.iter().fold(seed, |h, &c| mix(h ^ (c as u64).wrapping_mul(GOLDEN)));
     (h >> 11) as f64 / (1u64 << 52) as f64 - 1.0
 }
 
@@ -102,6 +64,7 @@ pub fn turn(i: u32, n: u32) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::random::Random;
 
     #[test]
     fn turns_lie_on_the_circle() {
