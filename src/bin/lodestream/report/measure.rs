@@ -13,7 +13,7 @@ use lodestream::format::container::{ChunkInfo, FileIndex, Kind, Parsed};
 use lodestream::format::decoder::{Decoder, Step};
 use lodestream::image::preview::add_previews;
 use lodestream::image::recompress::recompress;
-use lodestream::io::read::ReadOptions;
+use lodestream::io::read::{Invalid, ReadOptions};
 use lodestream::mesh::Mesh;
 use lodestream::mesh::lattice::Quantization;
 use lodestream::quality::picture::{Picture, Scene, Shading, View};
@@ -93,7 +93,8 @@ pub fn measure(path: &Path, args: &Args, threads: usize, bars: &Bars) -> Result<
         (model::load(path, None, &args.machine, bars)?.mesh, shared::read_file(path)?)
     } else {
         let clock = Instant::now();
-        let options = ReadOptions { memory_limit: args.machine.memory_limit, ..ReadOptions::default() };
+        let (memory_limit, invalid) = (args.machine.memory_limit, Invalid::Drop);
+        let options = ReadOptions { memory_limit, invalid, ..ReadOptions::default() };
         let mesh = shared::read_mesh(path, None, &options)?.mesh;
         let read = shared::seconds(clock);
         let mut options =
