@@ -221,7 +221,8 @@ fn work(
         })
     })?;
     let bytes = job.object.read()?;
-    let beside = Sidecars::fetch(&job.object, &bytes, format, job.settings.drop)?;
+    let root = job.settings.asset_root.as_deref();
+    let beside = Sidecars::fetch(&job.object, &bytes, format, job.settings.drop, root)?;
     job.record.bytes_in = bytes.len() as u64 + beside.bytes;
     let stamp = Stamp { source: beside.checksum, settings: job.settings.checksum() };
     job.record.sha256 = Some(hex(&stamp.source));
@@ -299,12 +300,16 @@ fn compute(
         hook(name);
     }
     let clock = Instant::now();
-    let options = ReadOptions { weld: job.settings.weld, memory_limit: Some(around.memory), drop: job.settings.drop };
-    let packed = job.object.path().extension().is_some_and(|e| e.eq_ignore_ascii_case("gz"));
-    if packed && !bytes.starts_with(&[0x1f, 0x8b]) {
-        let kind = ReadErrorKind::WrongMagic { format: "gzip", expected: "1f 8b", found: "something else".to_string() };
-        return Err(read_failure(ReadError { name: name.to_string(), place: None, kind }));
-    }
+    let options = ReadOptions {
+        weld: job.settings.weld,
+        memory_limit: Some(around.memory),
+        drop: job.settings.drop,
+        allow_empty: job.settings.allow_empty,
+        invalid: job.settings.invalid,
+        // What comes from a store has been put where nothing else is.
+        asset_root: job.settings.asset_root.clone().filter(|_| matches!(job.object, Object::Local(_))),
+    };
+    read::check_packing(job.object.path(), &bytes, name).map_err(read_failure)?;
     let mut read = read::read_bytes(&bytes, format, beside.folder.as_deref(), &options)
         .map_err(|e| read_failure(ReadError { name: name.to_string(), ..e }))?;
     drop(bytes);

@@ -2,6 +2,7 @@
 
 use super::error::{Failure, FailureKind, IngestError};
 use super::store::{SCHEMES, Store, Stores};
+use crate::io::read::Packing;
 use globset::{GlobBuilder, GlobMatcher};
 use std::fs::File;
 use std::io::Read;
@@ -191,9 +192,10 @@ pub(super) fn dest(text: &str, stores: &Stores) -> Result<Dest, IngestError> {
 /// The name of an output beside the name of its source: `a/scan.ply.gz` gives `a/scan.lods`.
 pub(super) fn output_name(relative: &str) -> Result<String, Failure> {
     let (folder, file) = relative.rfind('/').map_or(("", relative), |i| relative.split_at(i + 1));
-    let packed =
-        file.len() > 3 && file.is_char_boundary(file.len() - 3) && file[file.len() - 3..].eq_ignore_ascii_case(".gz");
-    let file = if packed { &file[..file.len() - 3] } else { file };
+    let file = match file.rsplit_once('.') {
+        Some((plain, extension)) if !plain.is_empty() && Packing::from_extension(extension).is_some() => plain,
+        _ => file,
+    };
     let stem = file.rfind('.').filter(|&i| i > 0).map_or(file, |i| &file[..i]);
     if !is_plain(&format!("{folder}{stem}")) {
         return Err(Failure::new(
@@ -213,6 +215,8 @@ mod tests {
         for (source, output) in [
             ("scan.ply", "scan.lods"),
             ("a/b.c/scan.PLY.GZ", "a/b.c/scan.lods"),
+            ("a/scan.obj.zst", "a/scan.lods"),
+            ("scan.stl.xz", "scan.lods"),
             ("a/.hidden", "a/.hidden.lods"),
             ("plain", "plain.lods"),
             ("gä.obj", "gä.lods"),

@@ -28,11 +28,12 @@ mod store;
 #[cfg(test)]
 mod tests;
 
+pub use crate::io::memory::default_memory;
 pub use error::{Failure, FailureKind, IngestError};
 pub use job::{Record, Seconds, Status};
 pub use list::Shard;
 pub use output::abandon;
-pub use predict::{default_memory, peak as predicted_peak};
+pub use predict::peak as predicted_peak;
 pub use schedule::run;
 pub use settings::{DROP_NAMES, Settings, drop_set};
 pub use stamp::Stamp;

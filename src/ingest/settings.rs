@@ -5,8 +5,9 @@ use crate::encode::pipeline::Pipeline;
 use crate::encode::quality_order::{self, Effort, Order};
 use crate::image::preview::Previews;
 use crate::image::recompress::Textures;
-use crate::io::read::DropSet;
+use crate::io::read::{DropSet, Invalid};
 use sha2::{Digest, Sha256};
+use std::path::PathBuf;
 
 /// Bytes of decoded images that the order by quality keeps.
 pub(super) const IMAGE_CACHE: u64 = 64 << 20;
@@ -20,6 +21,12 @@ pub struct Settings {
     pub weld: Option<bool>,
     /// What to leave out without a warning.
     pub drop: DropSet,
+    /// Whether a file without any vertex is a mesh.
+    pub allow_empty: bool,
+    /// What becomes of vertices with a coordinate that is NaN or infinite.
+    pub invalid: Invalid,
+    /// The folder in which files have to lie that a mesh refers to; `None`: that of the mesh.
+    pub asset_root: Option<PathBuf>,
     /// What becomes of images that are no JPEG.
     pub textures: Textures,
     /// Whether images get previews.
@@ -79,7 +86,7 @@ impl Settings {
     /// The derived `Debug` form is the spelling, so that an option that joins [`EncodeOptions`] joins the checksum;
     /// it prints numbers in full. A new version of the program has outputs of its own.
     pub fn checksum(&self) -> [u8; 32] {
-        let text = format!(
+        let mut text = format!(
             "lodestream {} format {}\n{:?}\nweld {:?} drop {:?}\ntextures {:?} previews {:?}\nby quality {:?}\n",
             env!("CARGO_PKG_VERSION"),
             crate::format::container::VERSION,
@@ -90,6 +97,10 @@ impl Settings {
             self.previews,
             self.by_quality.then_some(self.effort)
         );
+        // Said only where it is asked for, so that outputs made before it could be asked for stay what they are.
+        if (self.allow_empty, self.invalid, &self.asset_root) != (false, Invalid::Error, &None) {
+            text += &format!("empty {} invalid {:?} assets {:?}\n", self.allow_empty, self.invalid, self.asset_root);
+        }
         Sha256::digest(text.as_bytes()).into()
     }
 }
@@ -103,7 +114,7 @@ mod tests {
     #[test]
     fn every_setting_changes_the_checksum() {
         let plain = Settings::default();
-        let mut others = vec![plain.clone(); 16];
+        let mut others = vec![plain.clone(); 19];
         others[0].encode.quantization = Quantization::Bits(13);
         others[1].encode.quantization = Quantization::Step { step: 0.001, origin: None };
         others[2].encode.lock_borders = true;
@@ -121,11 +132,14 @@ mod tests {
         others[14].set_order(Order::Quality);
         others[14].effort = Effort::High;
         others[15].previews = Previews::None;
+        others[16].allow_empty = true;
+        others[17].invalid = Invalid::Drop;
+        others[18].asset_root = Some("/scans".into());
         let mut sums: Vec<[u8; 32]> = others.iter().map(Settings::checksum).collect();
         sums.push(plain.checksum());
         sums.sort_unstable();
         sums.dedup();
-        assert_eq!(sums.len(), 17);
+        assert_eq!(sums.len(), 20);
         // How closely is looked says nothing where nobody looks.
         assert_eq!(Settings { effort: Effort::Low, ..plain.clone() }.checksum(), plain.checksum());
         assert_eq!(drop_set(["uvs", " normals "]), Ok(DropSet { uvs: true, normals: true, ..DropSet::NONE }));

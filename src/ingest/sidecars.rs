@@ -1,21 +1,23 @@
 //! Files beside a source that reach its output: MTL libraries, images, the buffers of glTF.
 //!
-//! The references are found as the readers find them, without reading the mesh, so that a run that resumes knows what an
-//! output was made from at the cost of a look through the bytes. Files of a store are put into a temporary folder that
-//! repeats their keys, where the reader finds them by the same names. Invariant: whatever a reader may take from a file
-//! beside the source is in [`Sidecars::checksum`], and so is that a file is not there.
+//! The references are found as the readers find them, without reading the mesh, so that a run that resumes knows what
+//! an output was made from at the cost of a look through the bytes. Files of a store are put into a temporary folder
+//! that repeats their keys, where the reader finds them by the same names. Invariant: whatever a reader may take from
+//! a file beside the source is in [`Sidecars::checksum`], and so is that a file is not there.
 
 use super::error::{Failure, FailureKind};
 use super::location::Object;
 use super::stamp::{checksum_with, source_checksum};
 use super::store::Store;
 use crate::image::jpeg::Working;
-use crate::io::read::{DropSet, Format, drawn_images, find_beside, mtl, percent_decode};
+use crate::io::beside::{Folder, open_regular, percent_decode, read_regular};
+use crate::io::name;
+use crate::io::read::{DropSet, Format, Packing, drawn_images, mtl};
 use serde::Deserialize;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use std::borrow::Cow;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -54,17 +56,25 @@ impl Sidecars {
     ///
     /// # Errors
     /// Those of the store. What is missing, reading will tell with its place.
-    pub fn fetch(object: &Object, document: &[u8], format: Format, drop: DropSet) -> Result<Self, Failure> {
+    pub fn fetch(
+        object: &Object,
+        document: &[u8],
+        format: Format,
+        drop: DropSet,
+        root: Option<&Path>,
+    ) -> Result<Self, Failure> {
         let mut place = match object {
             Object::Local(path) => {
-                Place::Folder(path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).into())
+                let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+                Place::Folder(folder.into(), Folder::new(folder, root))
             }
             Object::Stored(store, key) => Place::Store { store, key, held: None },
         };
         let mut parts = Vec::new();
         let (mut bytes, mut images, mut working) = (0, 0, Working::default());
         let mut wanted = references(document, format, drop);
-        let mut seen = BTreeSet::new();
+        // Names that differ often mean one file: it is read once.
+        let (mut seen, mut known) = (BTreeSet::new(), Known::new());
         let mut at = 0;
         while at < wanted.names.len() && at < MOST {
             let (kind, name) = wanted.names[at].clone();
@@ -72,11 +82,14 @@ impl Sidecars {
             if !seen.insert((kind, name.clone())) {
                 continue;
             }
-            let Some(part) = place.part(kind, &name)? else {
+            let Some(part) = place.part(&name, &known)? else {
                 parts.push([0; 32]);
                 continue;
             };
             parts.push(part.checksum);
+            if known.insert(part.path.clone(), (part.bytes, part.checksum)).is_some() {
+                continue;
+            }
             bytes += part.bytes;
             if kind == Kind::Image {
                 images += part.bytes;
@@ -85,13 +98,15 @@ impl Sidecars {
                 working = working.and(if wanted.drawn.contains(&name) { of } else { of.unseen() });
             }
             if kind == Kind::Library && !drop.images {
-                let library = std::fs::read(&part.path).unwrap_or_default();
+                let mut library = Vec::new();
+                // What cannot be read is hashed as far as it could be, and is nothing for the reader either.
+                let _ = read_regular(&part.path, &mut library);
                 wanted.images_of(&library);
             }
         }
         let checksum = if parts.is_empty() { source_checksum(document) } else { checksum_with(document, &parts) };
         let (folder, _held) = match place {
-            Place::Folder(folder) => (Some(folder), None),
+            Place::Folder(folder, _) => (Some(folder), None),
             Place::Store { key, held: Some(held), .. } => (Some(held.path().join(folder_of(key))), Some(held)),
             Place::Store { .. } => (None, None),
         };
@@ -106,27 +121,23 @@ struct Part {
     checksum: [u8; 32],
 }
 
+/// Bytes and checksums of files by their paths.
+type Known = BTreeMap<PathBuf, (u64, [u8; 32])>;
+
 /// Where the source lies.
 enum Place<'a> {
-    Folder(PathBuf),
+    Folder(PathBuf, Folder),
     Store { store: &'a Store, key: &'a str, held: Option<tempfile::TempDir> },
 }
 
 impl Place<'_> {
-    fn part(&mut self, kind: Kind, name: &str) -> Result<Option<Part>, Failure> {
+    fn part(&mut self, name: &str, known: &Known) -> Result<Option<Part>, Failure> {
         match self {
-            Place::Folder(folder) => {
-                // Buffers have to lie where the document says; all else is searched for.
-                let path = match kind {
-                    Kind::Buffer => Some(folder.join(name)),
-                    _ => find_beside(folder, name),
-                };
-                // What cannot be read is not there for the reader either, or is an error that it tells better.
-                Ok(path.and_then(|path| {
-                    let (bytes, checksum) = hash_file(&path).ok()?;
-                    Some(Part { path, bytes, checksum })
-                }))
-            }
+            // What cannot be read is not there for the reader either, or is an error that it tells better.
+            Place::Folder(_, folder) => Ok(folder.find(name).and_then(|path| {
+                let (bytes, checksum) = known.get(&path).copied().or_else(|| hash_file(&path).ok())?;
+                Some(Part { path, bytes, checksum })
+            })),
             Place::Store { store, key, held } => {
                 let temporary = |e: io::Error| Failure::writing("a temporary file", &e);
                 let folder = folder_of(key);
@@ -142,10 +153,16 @@ impl Place<'_> {
                 let last = slashes.rsplit('/').next().unwrap_or_default();
                 let mut tried = Vec::new();
                 let candidates = [name, &slashes, last];
-                let candidates = &candidates[..if kind == Kind::Buffer { 1 } else { 3 }];
-                for key in candidates.iter().filter_map(|c| resolve(folder, c)) {
+                // As on a disk: nothing outside of the folder of the source.
+                let within =
+                    |key: &String| folder.is_empty() || key.strip_prefix(folder).is_some_and(|k| k.starts_with('/'));
+                for key in candidates.iter().filter_map(|c| resolve(folder, c)).filter(within) {
                     if tried.contains(&key) {
                         continue;
+                    }
+                    let path = root.join(&key);
+                    if let Some(&(bytes, checksum)) = known.get(&path) {
+                        return Ok(Some(Part { path, bytes, checksum }));
                     }
                     let bytes = match store.get(&key) {
                         Ok(bytes) => bytes,
@@ -158,7 +175,6 @@ impl Place<'_> {
                         }
                         Err(f) => return Err(f),
                     };
-                    let path = root.join(&key);
                     path.parent().map_or(Ok(()), std::fs::create_dir_all).map_err(temporary)?;
                     std::fs::write(&path, &bytes).map_err(temporary)?;
                     return Ok(Some(Part { path, bytes: bytes.len() as u64, checksum: Sha256::digest(&bytes).into() }));
@@ -196,10 +212,8 @@ fn resolve(folder: &str, reference: &str) -> Option<String> {
 }
 
 fn hash_file(path: &Path) -> io::Result<(u64, [u8; 32])> {
-    let mut file = File::open(path)?;
-    if !file.metadata()?.is_file() {
-        return Err(io::ErrorKind::InvalidInput.into());
-    }
+    let (file, size) = open_regular(path)?;
+    let mut file = file.take(size);
     let (mut hash, mut bytes) = (Sha256::new(), 0);
     let mut buffer = vec![0; 1 << 16];
     loop {
@@ -249,12 +263,15 @@ fn references(document: &[u8], format: Format, drop: DropSet) -> References {
     let mut found = References::default();
     let mut plain;
     let mut packed;
-    let mut input: &mut dyn BufRead = if document.starts_with(&[0x1f, 0x8b]) {
-        packed = BufReader::with_capacity(1 << 16, flate2::read::MultiGzDecoder::new(document));
-        &mut packed
-    } else {
-        plain = document;
-        &mut plain
+    let mut input: &mut dyn BufRead = match Packing::of(document) {
+        Some(packing) => {
+            packed = BufReader::with_capacity(1 << 16, packing.reader(document));
+            &mut packed
+        }
+        None => {
+            plain = document;
+            &mut plain
+        }
     };
     // Damaged data ends the search where it ends reading; reading will say so.
     let _ = match format {
@@ -268,7 +285,7 @@ fn references(document: &[u8], format: Format, drop: DropSet) -> References {
 
 /// Whether an OBJ may name libraries: one pass that is much quicker than looking at lines.
 fn may_name_libraries(document: &[u8]) -> bool {
-    document.starts_with(&[0x1f, 0x8b]) || memchr::memmem::find(document, b"mtllib").is_some()
+    Packing::of(document).is_some() || memchr::memmem::find(document, b"mtllib").is_some()
 }
 
 /// Lines `mtllib` and `usemtl`.
@@ -280,7 +297,7 @@ fn obj(input: &mut dyn BufRead, found: &mut References) -> io::Result<()> {
         if !matches!(line.first(), Some(b'm' | b'u')) {
             return true;
         }
-        let line = String::from_utf8_lossy(line);
+        let line = name::from_bytes(line);
         let Some((keyword, rest)) = line.split_once(char::is_whitespace) else { return true };
         let rest = rest.trim();
         match keyword {
@@ -304,7 +321,7 @@ fn obj(input: &mut dyn BufRead, found: &mut References) -> io::Result<()> {
 /// Comments `TextureFile` of the header.
 fn ply(input: &mut dyn BufRead, found: &mut References) -> io::Result<()> {
     each_line(&mut input.take(1 << 20), |line| {
-        let line = String::from_utf8_lossy(line);
+        let line = name::from_bytes(line);
         let line = line.trim();
         if let Some(rest) = line.strip_prefix("comment")
             && let Some(name) = rest.trim_start().strip_prefix("TextureFile")

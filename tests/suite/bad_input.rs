@@ -30,14 +30,14 @@ fn refused_like(scratch: &Scratch, words: &str, beginning: &str, part: &str) {
 fn paths_that_are_wrong() {
     let s = Scratch::new("paths");
     s.write("t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
-    s.write("t.xyz", "0 0 0\n");
+    s.write("t.thing", "0 0 0\n");
     s.write("noextension", "0 0 0\n");
     std::fs::create_dir(s.path("folder.obj")).unwrap();
     refused(&s, "encode nix.obj -o o.lods", "nix.obj: there is no such file; check the path");
     refused(&s, "encode t.obj/nix.obj -o o.lods", "t.obj/nix.obj: there is no such file; check the path");
     refused(&s, "encode folder.obj -o o.lods", "folder.obj: this is a folder; name a mesh file");
-    let known = "is not a known mesh format; known are .obj .ply .stl .off .gltf .glb, each also with .gz. Rename the file or name its format";
-    refused(&s, "encode t.xyz -o o.lods", &format!("t.xyz: the extension .xyz {known}"));
+    let known = "is not a known mesh format; known are .obj .ply .stl .off .gltf .glb, each also with .gz, .zst or .xz. Rename the file or name its format";
+    refused(&s, "encode t.thing -o o.lods", &format!("t.thing: the extension .thing {known}"));
     refused(&s, "encode noextension -o o.lods", &format!("noextension: a file without extension {known}"));
     refused(&s, "encode t.obj -o nix/o.lods", "nix/o.lods: the folder nix is not there; make it first");
     refused(&s, "encode t.obj -o o.lods --map nix/m", "nix/m: the folder nix is not there; make it first");

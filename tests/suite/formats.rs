@@ -49,7 +49,7 @@ fn packed_files_of_any_number_of_members() {
     assert_eq!(read_from(packed.as_slice(), "standard input", Format::Obj, None, &options).unwrap(), expected);
     fs::write(&path, &packed[..packed.len() - 9]).unwrap();
     let error = read_path(&path, &options).unwrap_err();
-    assert!(matches!(error.kind, ReadErrorKind::Gzip(_)), "{error}");
+    assert!(matches!(error.kind, ReadErrorKind::Packed(_)), "{error}");
     fs::write(&path, TRIANGLE).unwrap();
     assert_eq!(
         read_path(&path, &options).unwrap_err().kind.to_string(),
@@ -61,15 +61,15 @@ fn packed_files_of_any_number_of_members() {
 fn paths_that_are_no_meshes() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
-    fs::write(path("a.xyz"), "1 2 3").unwrap();
+    fs::write(path("a.thing"), "1 2 3").unwrap();
     fs::write(path("plain"), "1 2 3").unwrap();
     fs::create_dir(path("d.obj")).unwrap();
-    let known = "is not a known mesh format; known are .obj .ply .stl .off .gltf .glb, each also with .gz. Rename the file or name its format";
+    let known = "is not a known mesh format; known are .obj .ply .stl .off .gltf .glb, each also with .gz, .zst or .xz. Rename the file or name its format";
     for (name, text) in [
         ("none.obj", "there is no such file; check the path".to_string()),
         ("plain/x.obj", "there is no such file; check the path".to_string()),
         ("d.obj", "this is a folder; name a mesh file".to_string()),
-        ("a.xyz", format!("the extension .xyz {known}")),
+        ("a.thing", format!("the extension .thing {known}")),
         ("plain", format!("a file without extension {known}")),
     ] {
         let error = read_path(path(name), &ReadOptions::default()).unwrap_err();

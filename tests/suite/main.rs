@@ -5,6 +5,7 @@ mod common;
 mod appearance;
 mod attributes;
 mod bad_input;
+mod cases;
 mod command_line;
 mod datasets;
 mod formats;

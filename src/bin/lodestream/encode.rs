@@ -14,7 +14,8 @@ use lodestream::encode::{Control, EncodeOptions, EncodeReport, Encoded, ImageRep
 use lodestream::image::jpeg::{Exactness, Treatment, Unsupported};
 use lodestream::image::preview::Previews;
 use lodestream::image::recompress::{Recompressed, Sampling, Textures};
-use lodestream::io::read::{DropSet, ReadMesh, ReadOptions};
+use lodestream::io::read::{DropSet, Invalid, ReadMesh, ReadOptions};
+use lodestream::mesh::NO_VALUE;
 use lodestream::mesh::lattice::Quantization;
 use lodestream::mesh::quantizer::Precision;
 use serde_json::{Value, json};
@@ -46,10 +47,12 @@ pub struct Args {
     images: ImageArgs,
     #[command(flatten)]
     weld: WeldArgs,
+    #[command(flatten)]
+    reading: ReadingArgs,
     /// Leave out attributes, materials or the bytes of images
     #[arg(long, value_name = "WHAT", value_enum, value_delimiter = ',')]
     drop: Vec<Layer>,
-    /// Write the new number of each vertex of the input, one per line
+    /// Write the new number of each vertex of the input, one per line; - for one that was dropped
     #[arg(long, value_name = "FILE")]
     map: Option<PathBuf>,
     #[command(flatten)]
@@ -243,6 +246,35 @@ impl WeldArgs {
     }
 }
 
+/// How strict reading is.
+#[derive(clap::Args)]
+pub struct ReadingArgs {
+    /// What becomes of vertices with a coordinate that is NaN or infinite: an error, or dropped with the faces that use them
+    #[arg(long, value_name = "WHAT", value_enum, default_value = "error")]
+    invalid: InvalidArg,
+    /// Take a file without any vertex for a mesh
+    #[arg(long)]
+    pub allow_empty: bool,
+    /// The folder in which textures, libraries and buffers that a mesh names have to lie [default: that of the mesh]
+    #[arg(long, value_name = "FOLDER")]
+    pub asset_root: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum InvalidArg {
+    Drop,
+    Error,
+}
+
+impl ReadingArgs {
+    pub fn invalid(&self) -> Invalid {
+        match self.invalid {
+            InvalidArg::Drop => Invalid::Drop,
+            InvalidArg::Error => Invalid::Error,
+        }
+    }
+}
+
 /// What `--drop` can name.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Layer {
@@ -310,6 +342,9 @@ pub fn run(args: &Args) -> Result<Outcome> {
             weld: args.weld.choice(),
             memory_limit: args.machine.memory_limit,
             drop: drop_set(&args.drop),
+            allow_empty: args.reading.allow_empty,
+            invalid: args.reading.invalid(),
+            asset_root: args.reading.asset_root.clone(),
         };
         let mut read = args.input.read(&read_options)?;
         let read_seconds = shared::seconds(start);
@@ -375,6 +410,11 @@ pub fn run(args: &Args) -> Result<Outcome> {
 fn write_map(out: &mut dyn Write, read: &ReadMesh, encoded: &Encoded) -> std::io::Result<()> {
     let mut out = BufWriter::new(out);
     for &vertex in &read.map {
+        if vertex == NO_VALUE {
+            // Left out for its place, which was none.
+            writeln!(out, "-")?;
+            continue;
+        }
         match encoded.map.get(vertex as usize) {
             Some(new) => writeln!(out, "{new}")?,
             None => return Err(std::io::Error::other("the reader and the encoder disagree on the vertices")),

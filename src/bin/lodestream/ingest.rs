@@ -2,7 +2,7 @@
 
 use crate::Outcome;
 use crate::device::DeviceArgs;
-use crate::encode::{ImageArgs, LatticeArgs, PrecisionArgs, WeldArgs, stage_name};
+use crate::encode::{ImageArgs, LatticeArgs, PrecisionArgs, ReadingArgs, WeldArgs, stage_name};
 use crate::ingest_progress::{LogFormat, Watch};
 use crate::shared::{self, parse_size};
 use anyhow::{Result, anyhow};
@@ -44,6 +44,8 @@ pub struct Args {
     lock_borders: bool,
     #[command(flatten)]
     weld: WeldArgs,
+    #[command(flatten)]
+    reading: ReadingArgs,
     /// Leave out attributes without a warning
     #[arg(long, value_name = "WHAT", value_delimiter = ',', value_parser = parse_drop)]
     drop: Vec<String>,
@@ -118,6 +120,9 @@ pub fn run(args: &Args) -> Result<Outcome> {
         weld: args.weld.choice(),
         effort: args.images.schedule_effort,
         drop: ingest::drop_set(args.drop.iter().map(String::as_str)).unwrap_or_default(),
+        allow_empty: args.reading.allow_empty,
+        invalid: args.reading.invalid(),
+        asset_root: args.reading.asset_root.clone(),
         by_quality: false,
         textures: args.images.texture(),
         previews: args.images.previews,

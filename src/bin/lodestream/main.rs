@@ -48,7 +48,7 @@ of ingest failed; 130 stopped by a signal.";
 
 #[derive(Subcommand)]
 enum Command {
-    /// Turn a mesh (OBJ, PLY, STL, OFF, glTF, GLB, each also .gz) into a .lods file
+    /// Turn a mesh (OBJ, PLY, STL, OFF, glTF, GLB, each also .gz, .zst, .xz) into a .lods file
     Encode(encode::Args),
     /// Write a level of a .lods file as OBJ, PLY, STL or GLB
     Decode(decode::Args),

@@ -5,7 +5,7 @@ use crate::progress::Bars;
 use crate::shared::{self, Machine};
 use crate::stream::Stream;
 use anyhow::{Context, Result, bail};
-use lodestream::io::read::ReadOptions;
+use lodestream::io::read::{Invalid, ReadOptions};
 use lodestream::mesh::Mesh;
 use std::path::Path;
 
@@ -27,7 +27,9 @@ pub fn load(path: &Path, level: Option<u32>, machine: &Machine, bars: &Bars) -> 
         if level.is_some() {
             bail!("{}: levels are in .lods files; leave --level out", shared::name(path));
         }
-        let options = ReadOptions { memory_limit: machine.memory_limit, ..ReadOptions::default() };
+        // What has no place has no distance and is not seen.
+        let (memory_limit, invalid) = (machine.memory_limit, Invalid::Drop);
+        let options = ReadOptions { memory_limit, invalid, allow_empty: true, ..ReadOptions::default() };
         return Ok(Model { mesh: shared::read_mesh(path, None, &options)?.mesh, level: None });
     }
     let name = shared::name(path);

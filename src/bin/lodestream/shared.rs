@@ -60,7 +60,7 @@ impl Machine {
 /// Where a mesh comes from.
 #[derive(clap::Args)]
 pub struct Input {
-    /// The mesh: .obj .ply .stl .off .gltf .glb, each also with .gz; - for standard input
+    /// The mesh: .obj .ply .stl .off .gltf .glb, each also with .gz, .zst or .xz; - for standard input
     #[arg(value_name = "INPUT")]
     pub path: PathBuf,
     /// The format of the input, where its name does not tell
@@ -102,6 +102,14 @@ pub fn name(path: &Path) -> String {
 
 /// Read a whole file, with errors that say what to do.
 pub fn read_file(path: &Path) -> Result<Vec<u8>> {
+    // A pipe without a writer would be waited for, and a device might never end.
+    let odd = |meta: std::fs::Metadata| !meta.is_file() && !meta.is_dir();
+    if !is_dash(path) && std::fs::metadata(path).is_ok_and(odd) {
+        bail!(
+            "{}: this is no regular file (a pipe or a device); name a file, or pass the data on standard input as -",
+            path.display()
+        );
+    }
     let mut bytes = Vec::new();
     io::Read::read_to_end(&mut open(path)?, &mut bytes).with_context(|| format!("{}: cannot be read", name(path)))?;
     Ok(bytes)

@@ -7,7 +7,7 @@ use crate::stream::Stream;
 use anyhow::{Context, Result, bail};
 use lodestream::format::container::Header;
 use lodestream::image::is_jpeg;
-use lodestream::io::read::{Format, ReadOptions};
+use lodestream::io::read::{Format, Invalid, ReadOptions};
 use lodestream::mesh::{Image, Mesh};
 use lodestream::quality::exact::{self, Difference};
 use serde_json::json;
@@ -140,7 +140,9 @@ fn against(args: &Args, source: &Path, decoded: &Mesh, header: &Header) -> Resul
         bail!("the file and its source cannot both come from standard input");
     }
     let read = |weld| {
-        let options = ReadOptions { weld, memory_limit: args.machine.memory_limit, ..ReadOptions::default() };
+        // What encoding needs to be told, its output shows.
+        let (memory_limit, invalid) = (args.machine.memory_limit, Invalid::Drop);
+        let options = ReadOptions { weld, memory_limit, invalid, allow_empty: true, ..ReadOptions::default() };
         shared::read_mesh(source, args.format, &options)
     };
     if let Some(path) = &args.map {
@@ -228,8 +230,10 @@ fn read_map(path: &Path) -> Result<Vec<u32>> {
     let text = std::str::from_utf8(&bytes)
         .ok()
         .with_context(|| format!("{}: this is not a vertex map: not text", path.display()))?;
+    // A vertex that was dropped is none here either.
     text.lines()
         .enumerate()
+        .filter(|(_, line)| line.trim() != "-")
         .map(|(i, line)| {
             line.trim().parse::<u32>().ok().with_context(|| {
                 let shown: String = line.chars().take(20).collect();

@@ -1,19 +1,18 @@
 //! Files that a mesh file refers to: images and material libraries.
 //!
-//! A reference is followed as it stands, relative to the folder of the mesh file; then with `\` read as `/`, then by the
-//! last part of its path alone, then without regard to case, since many files come from systems that do not care. A
-//! file that is not there is a warning. One that is no image is taken for one that is not there: a mesh from elsewhere
-//! must not be able to carry away any file of the machine.
+//! Where they are, [`Folder`] knows. A file that is not there is a warning, and so is one that is no image by its
+//! bytes.
 
-use std::collections::BTreeMap;
-use std::fs::{self, File};
-use std::io::Read;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::build::{Builder, Kind};
 use super::error::ReadErrorKind;
 use super::warning::Warning;
 use crate::image::signature;
+use crate::io::beside::{Folder, read_regular};
+use crate::io::name::shown;
 use crate::mesh::Image;
 
 /// The most bytes of an image file.
@@ -27,18 +26,21 @@ const LISTED: usize = 8;
 
 /// The folder of the mesh file, and what was found there so far.
 pub(super) struct Files<'a> {
-    base: Option<&'a Path>,
+    folder: Option<&'a Folder>,
     /// By the name that stands in the mesh file.
     images: BTreeMap<String, u32>,
     /// By path, for names that differ and mean the same file.
     paths: BTreeMap<PathBuf, u32>,
+    /// Text files that have been read.
+    texts: BTreeSet<PathBuf>,
     missing: BTreeMap<&'static str, (u64, Vec<String>)>,
     asked: usize,
 }
 
 impl<'a> Files<'a> {
-    pub fn new(base: Option<&'a Path>) -> Self {
-        Files { base, images: BTreeMap::new(), paths: BTreeMap::new(), missing: BTreeMap::new(), asked: 0 }
+    pub fn new(folder: Option<&'a Folder>) -> Self {
+        let (images, paths, texts, missing) = Default::default();
+        Files { folder, images, paths, texts, missing, asked: 0 }
     }
 
     /// The number of the image of that name, which is read when it is first asked for.
@@ -88,11 +90,15 @@ impl<'a> Files<'a> {
         Ok(bytes.unwrap_or_default())
     }
 
-    /// The bytes of a text file such as a material library; `None` and a warning where it is not there.
+    /// The bytes of a text file such as a material library: `None` where it is not there, none at all where it has been
+    /// read before, under whatever name.
     pub fn text(&mut self, b: &mut Builder, name: &str) -> Result<Option<Vec<u8>>, Kind> {
         self.asked += 1;
         let found = if self.asked > MOST_FILES { None } else { self.find(name) };
         let Some(path) = found else { return Ok(None) };
+        if self.texts.contains(&path) {
+            return Ok(Some(Vec::new()));
+        }
         let Ok(meta) = fs::metadata(&path) else { return Ok(None) };
         if meta.len() > LARGEST_IMAGE {
             return Err(size(name, meta.len()));
@@ -100,8 +106,11 @@ impl<'a> Files<'a> {
         // The text, and what is made of it.
         b.budget.take(meta.len().saturating_mul(4))?;
         let mut bytes = Vec::new();
-        let read = File::open(&path).and_then(|f| f.take(meta.len()).read_to_end(&mut bytes));
-        Ok(read.ok().map(|_| bytes))
+        if read_regular(&path, &mut bytes).is_err() {
+            return Ok(None);
+        }
+        self.texts.insert(path);
+        Ok(Some(bytes))
     }
 
     /// A file that the warning at the end will name.
@@ -115,7 +124,7 @@ impl<'a> Files<'a> {
 
     /// Where a file of that name is.
     fn find(&self, name: &str) -> Option<PathBuf> {
-        find_beside(self.base?, name)
+        self.folder?.find(name)
     }
 
     /// Say what was not found.
@@ -126,38 +135,8 @@ impl<'a> Files<'a> {
     }
 }
 
-/// Where the file is that a mesh file in the folder `base` means by a name.
-pub(crate) fn find_beside(base: &Path, name: &str) -> Option<PathBuf> {
-    if name.is_empty() || name.contains('\0') {
-        return None;
-    }
-    let slashes = name.replace('\\', "/");
-    let last = slashes.rsplit('/').next().unwrap_or_default();
-    let candidates = [base.join(name), base.join(&slashes), base.join(last)];
-    if let Some(path) = candidates.iter().find(|p| p.is_file()) {
-        return Some(path.clone());
-    }
-    candidates[1..].iter().find_map(|path| {
-        let wanted = path.file_name()?.to_string_lossy().to_lowercase();
-        let entries = fs::read_dir(path.parent()?).ok()?;
-        let mut found: Vec<PathBuf> = entries
-            .filter_map(Result::ok)
-            .filter(|e| e.file_name().to_string_lossy().to_lowercase() == wanted)
-            .map(|e| e.path())
-            .filter(|p| p.is_file())
-            .collect();
-        found.sort();
-        found.into_iter().next()
-    })
-}
-
 fn size(name: &str, bytes: u64) -> Kind {
     ReadErrorKind::ImageSize { name: shown(name), bytes, limit: LARGEST_IMAGE }
-}
-
-/// A name from a file, fit for a message of one line.
-pub(super) fn shown(name: &str) -> String {
-    name.chars().take(80).flat_map(char::escape_debug).collect()
 }
 
 /// The bytes of an image file; `None` for what cannot be read or is no image.
@@ -168,8 +147,8 @@ fn read_image(b: &mut Builder, path: &Path, name: &str) -> Result<Option<Vec<u8>
     }
     let mut bytes = Vec::new();
     b.budget.reserve(&mut bytes, meta.len() as usize)?;
-    let read = File::open(path).and_then(|f| f.take(meta.len()).read_to_end(&mut bytes));
-    let good = read.is_ok() && !bytes.is_empty() && !media_type(name, &bytes).is_empty();
+    // What it is called says nothing: a mesh could name any file.
+    let good = read_regular(path, &mut bytes).is_ok() && !media_type("", &bytes).is_empty();
     if !good {
         b.budget.release(meta.len());
     }

@@ -34,6 +34,42 @@ pub(super) enum Place {
     Listed(Vec<u32>),
 }
 
+/// Which numbers there are.
+struct Extent {
+    low: f64,
+    high: f64,
+    whole: bool,
+}
+
+impl Default for Extent {
+    fn default() -> Self {
+        Extent { low: 0.0, high: 0.0, whole: true }
+    }
+}
+
+impl Extent {
+    /// How far fractions may lie outside of 0..1 and still be meant for it.
+    const SLACK: f64 = 0.1;
+
+    fn add(&mut self, x: f64) {
+        if x.is_finite() {
+            (self.low, self.high) = (self.low.min(x), self.high.max(x));
+            self.whole &= x.fract() == 0.0;
+        }
+    }
+
+    /// What stands for 1; `None` where that cannot be told.
+    fn scale(&self) -> Option<f64> {
+        match self.high {
+            _ if self.low < -Self::SLACK => None,
+            high if high <= 1.0 + Self::SLACK => Some(1.0),
+            high if self.whole && high <= 255.0 => Some(255.0),
+            high if self.whole && high <= 65535.0 => Some(65535.0),
+            _ => None,
+        }
+    }
+}
+
 /// A layer under construction.
 #[derive(Debug)]
 pub(super) struct Attribute {
@@ -49,6 +85,8 @@ pub(super) struct Attribute {
     pub without: Vec<u32>,
     /// How many values are none.
     absent: u64,
+    /// Corners of a list that name a value before the first, and have been given none.
+    pub outside: u64,
 }
 
 impl Attribute {
@@ -65,6 +103,7 @@ impl Attribute {
             gaps: false,
             without: Vec::new(),
             absent: 0,
+            outside: 0,
         }
     }
 
@@ -79,20 +118,40 @@ impl Attribute {
         dropped(self.kind)
     }
 
-    /// Colours in `0..=255` or, for integers of more bits, `0..=65535`, become such in `0..=1`.
-    pub fn scale_colours(&mut self) {
-        let finite = || self.values.iter().filter(|x| x.is_finite());
-        let largest = finite().fold(0.0, |m: f64, &x| m.max(x));
-        let whole = finite().all(|x| x.fract() == 0.0);
-        let (scale, stored) = match largest {
-            ..=1.0 => return,
-            ..=255.0 => (255.0, Stored::U8),
-            ..=65535.0 if whole => (65535.0, Stored::U16),
-            _ => return,
+    /// Give colours their range. Whole numbers in `0..=255`, or of more bits in `0..=65535`, become such in `0..=1`.
+    /// Fractions are in that range but for what arithmetic has added, and that is cut off. What lies far outside (HDR)
+    /// is no colour here but numbers, and stays as it is. Alpha has a range of its own.
+    pub fn scale_colours(&mut self, tally: &mut Tally) {
+        let width = self.width.max(1) as usize;
+        let (mut colour, mut alpha) = (Extent::default(), Extent::default());
+        for value in self.values.chunks_exact(width) {
+            let (c, a) = value.split_at(width.min(3));
+            c.iter().for_each(|&x| colour.add(x));
+            a.iter().for_each(|&x| alpha.add(x));
+        }
+        let Some(scale) = colour.scale() else {
+            let count = self.values.iter().filter(|x| x.is_finite() && !(0.0..=1.0).contains(*x)).count() as u64;
+            tally.others.push(Warning::HighColours { layer: self.name.clone(), count });
+            self.kind = LayerKind::Scalar;
+            return;
         };
-        self.values.iter_mut().for_each(|x| *x /= scale);
-        if whole {
-            self.stored = stored;
+        let alpha_scale = alpha.scale().unwrap_or(1.0);
+        let mut clamped = 0;
+        for (k, x) in self.values.iter_mut().enumerate() {
+            *x /= if k % width < 3 { scale } else { alpha_scale };
+            if *x < 0.0 || *x > 1.0 {
+                *x = x.clamp(0.0, 1.0);
+                clamped += 1;
+            }
+        }
+        if clamped > 0 {
+            tally.others.push(Warning::ClampedColours { layer: self.name.clone(), count: clamped });
+        }
+        let whole = colour.whole && alpha.whole && (alpha_scale == scale || alpha.high <= 1.0);
+        match scale {
+            255.0 if whole => self.stored = Stored::U8,
+            65535.0 if whole => self.stored = Stored::U16,
+            _ => {}
         }
     }
 
@@ -124,7 +183,14 @@ impl Attribute {
                 corners = std::mem::take(list);
                 let more = records.len().saturating_sub(corners.len());
                 budget.reserve(&mut corners, more)?;
-                corners.iter_mut().filter(|i| **i as usize >= count).for_each(|i| *i = NO_VALUE);
+                let mut outside = self.outside;
+                for i in corners.iter_mut().filter(|i| **i as usize >= count) {
+                    outside += u64::from(*i != NO_VALUE);
+                    *i = NO_VALUE;
+                }
+                if outside > 0 {
+                    tally.others.push(Warning::MissingValues { layer: self.name.clone(), count: outside });
+                }
             }
         }
         corners.resize(records.len(), NO_VALUE);
@@ -216,6 +282,22 @@ impl Attribute {
         }
         let Attribute { name, kind, width, stored, values, .. } = self;
         Some(Layer { name, kind, width, stored, values, corners, isolated })
+    }
+}
+
+/// Colours without alpha among those with it have the largest there is.
+pub(super) fn opaque(layer: &mut Attribute) {
+    if layer.width == 4 {
+        let values = layer.values.chunks_exact_mut(4);
+        let largest = values.filter_map(|c| Some(c[3]).filter(|a| a.is_finite())).fold(0.0, f64::max);
+        let full = match largest {
+            ..=1.0 => 1.0,
+            ..=255.0 => 255.0,
+            _ => 65535.0,
+        };
+        for c in layer.values.chunks_exact_mut(4).filter(|c| c[3].is_nan() && !c[0].is_nan()) {
+            c[3] = full;
+        }
     }
 }
 

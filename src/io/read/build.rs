@@ -10,60 +10,11 @@ use super::attribute::Attribute;
 use super::error::ReadErrorKind;
 use super::warning::{Layer, Warning};
 use super::weld::Welder;
-use super::{DropSet, ReadMesh, ReadOptions};
+use super::{DropSet, Invalid, ReadMesh, ReadOptions};
 use crate::mesh::{Appearance, Mesh, NO_VALUE};
 
+pub(super) use super::budget::{Budget, MAX};
 pub(super) use super::error::ReadErrorKind as Kind;
-
-/// The largest number of vertices, corners or faces.
-pub(super) const MAX: usize = u32::MAX as usize - 1;
-
-/// Bytes in use against the bytes allowed.
-pub(super) struct Budget {
-    used: u64,
-    limit: Option<u64>,
-}
-
-impl Budget {
-    pub fn new(used: u64, limit: Option<u64>) -> Self {
-        Budget { used, limit }
-    }
-
-    /// Count `bytes` as used, if they are allowed.
-    pub fn take(&mut self, bytes: u64) -> Result<(), Kind> {
-        let needed = self.used.saturating_add(bytes);
-        match self.limit {
-            Some(limit) if needed > limit => Err(ReadErrorKind::Memory { needed, limit: Some(limit) }),
-            _ => {
-                self.used = needed;
-                Ok(())
-            }
-        }
-    }
-
-    pub fn release(&mut self, bytes: u64) {
-        self.used = self.used.saturating_sub(bytes);
-    }
-
-    /// Room for `more` further items of `v`, exactly.
-    pub fn reserve<T>(&mut self, v: &mut Vec<T>, more: usize) -> Result<(), Kind> {
-        let size = size_of::<T>() as u64;
-        let wanted = (v.len() as u64).saturating_add(more as u64).saturating_sub(v.capacity() as u64);
-        let bytes = wanted.saturating_mul(size);
-        self.take(bytes)?;
-        v.try_reserve_exact(more).map_err(|_| ReadErrorKind::Memory { needed: self.used, limit: None })
-    }
-
-    /// Room for at least `more` further items of `v` and for growth: half as much again.
-    #[cold]
-    pub fn grow<T>(&mut self, v: &mut Vec<T>, more: usize, what: &'static str) -> Result<(), Kind> {
-        if v.len() + more > MAX {
-            return Err(ReadErrorKind::TooLarge { what, limit: MAX as u64 });
-        }
-        let extra = (v.len() / 2).max(more).max(64).min(MAX - v.len());
-        self.reserve(v, extra)
-    }
-}
 
 /// Counts that become warnings.
 #[derive(Default)]
@@ -116,6 +67,10 @@ pub(super) struct Builder {
     pub tally: Tally,
     /// What the caller does not want.
     pub drop: DropSet,
+    allow_empty: bool,
+    invalid: Invalid,
+    /// Records with a coordinate that is no finite number, in order.
+    invalid_records: Vec<u32>,
     /// Layers so far.
     pub layers: Vec<Attribute>,
     /// From which face on which material holds, in order.
@@ -128,7 +83,7 @@ impl Builder {
     pub fn new(options: &ReadOptions, weld_default: bool, held: usize) -> Self {
         let welder = options.weld.unwrap_or(weld_default).then(Welder::new);
         let budget = Budget::new(held as u64, options.memory_limit);
-        let (positions, face_start, corners, map, layers, materials) = Default::default();
+        let (positions, face_start, corners, map, layers, materials, invalid_records) = Default::default();
         let (drop, tally, appearance) = (options.drop, Tally::default(), Appearance::default());
         Builder {
             positions,
@@ -140,6 +95,9 @@ impl Builder {
             budget,
             tally,
             drop,
+            allow_empty: options.allow_empty,
+            invalid: options.invalid,
+            invalid_records,
             layers,
             materials,
             appearance,
@@ -188,8 +146,8 @@ impl Builder {
         }
     }
 
-    /// Most of the `count` vertex records to come are at places of their own; call only with counts that the input's size
-    /// justifies.
+    /// Most of the `count` vertex records to come are at places of their own; call only with counts that the input's
+    /// size justifies.
     pub fn expect_distinct(&mut self, count: usize) {
         if let Some(welder) = &mut self.welder {
             welder.expect(count.min(MAX), &self.positions, &mut self.budget);
@@ -207,10 +165,18 @@ impl Builder {
 
     /// The next vertex record.
     #[inline]
-    pub fn vertex(&mut self, p: [f64; 3]) -> Result<(), Kind> {
+    pub fn vertex(&mut self, mut p: [f64; 3]) -> Result<(), Kind> {
         // One sum instead of three tests: it is finite for all but absurd coordinates, and those are looked at again.
-        if !(p[0] + p[1] + p[2]).is_finite() {
-            self.check_finite(p)?;
+        if !(p[0] + p[1] + p[2]).is_finite() && !self.check_finite(p)? {
+            if self.welder.is_some() {
+                if self.map.len() == self.map.capacity() {
+                    self.budget.grow(&mut self.map, 1, "vertices")?;
+                }
+                self.map.push(NO_VALUE);
+                return Ok(());
+            }
+            // It keeps its place until all is read.
+            p = [0.0; 3];
         }
         match &mut self.welder {
             None => {
@@ -243,12 +209,18 @@ impl Builder {
         }
     }
 
+    /// Whether a vertex has a place; without one it is an error, or noted as one to leave out.
     #[cold]
-    fn check_finite(&self, p: [f64; 3]) -> Result<(), Kind> {
-        match p.into_iter().find(|c| !c.is_finite()) {
-            Some(value) => Err(ReadErrorKind::NotFinite { vertex: self.records() as u64, value }),
-            None => Ok(()),
+    fn check_finite(&mut self, p: [f64; 3]) -> Result<bool, Kind> {
+        let Some(value) = p.into_iter().find(|c| !c.is_finite()) else { return Ok(true) };
+        if self.invalid == Invalid::Error {
+            return Err(ReadErrorKind::NotFinite { vertex: self.records() as u64, value });
         }
+        if self.invalid_records.len() == self.invalid_records.capacity() {
+            self.budget.grow(&mut self.invalid_records, 1, "vertices")?;
+        }
+        self.invalid_records.push(self.records() as u32);
+        Ok(false)
     }
 
     /// The next corner of the open face: a record that is, or will be, there (the reader checks).
@@ -349,6 +321,7 @@ impl Builder {
         for attribute in &mut attributes {
             layers.push(attribute.resolve(&self.corners, &self.face_start, &mut self.budget, &mut self.tally)?);
         }
+        self.drop_faces_of_invalid(&mut layers, &mut material)?;
         let map = if let Some(welder) = self.welder.take() {
             self.budget.release(welder.bytes());
             drop(welder);
@@ -362,8 +335,12 @@ impl Builder {
             let mut map = Vec::new();
             self.budget.reserve(&mut map, self.positions.len())?;
             map.extend(0..self.positions.len() as u32);
+            self.drop_invalid(&mut map);
             map
         };
+        if self.positions.is_empty() && !self.allow_empty {
+            return Err(ReadErrorKind::Empty);
+        }
         let alone = if attributes.is_empty() { Vec::new() } else { self.alone(&map)? };
         let layers = attributes.into_iter().zip(layers);
         let layers =
@@ -393,26 +370,73 @@ impl Builder {
     fn alone(&self, map: &[u32]) -> Result<Vec<[u32; 2]>, Kind> {
         let mut used = vec![false; self.positions.len()];
         self.corners.iter().for_each(|&v| used[v as usize] = true);
-        let mut alone: Vec<[u32; 2]> =
-            (0..).zip(map).filter(|(_, v)| !used[**v as usize]).map(|(record, &v)| [v, record]).collect();
+        let mut alone: Vec<[u32; 2]> = (0..)
+            .zip(map)
+            .filter(|(_, v)| **v != NO_VALUE && !used[**v as usize])
+            .map(|(record, &v)| [v, record])
+            .collect();
         alone.sort_unstable();
         Ok(alone)
     }
 
-    /// Edges whose ends have become one vertex go, and with them what is kept for each corner and each face.
-    fn drop_closed_edges(&mut self, on_corners: &mut [&mut Vec<u32>], on_faces: &mut Vec<u32>) {
-        let (corners, starts) = (&mut self.corners, &mut self.face_start);
-        let closed = |c: &[u32], a: u32, b: u32| b - a == 2 && c[a as usize] == c[a as usize + 1];
-        if !starts.windows(2).any(|w| closed(corners, w[0], w[1])) {
+    /// Faces with a vertex that has no place go.
+    fn drop_faces_of_invalid(&mut self, layers: &mut [Vec<u32>], material: &mut Vec<u32>) -> Result<(), Kind> {
+        if self.invalid_records.is_empty() {
+            return Ok(());
+        }
+        self.budget.take(self.records() as u64)?;
+        let mut invalid = vec![false; self.records()];
+        self.invalid_records.iter().for_each(|&r| invalid[r as usize] = true);
+        let mut on_corners: Vec<&mut Vec<u32>> = layers.iter_mut().collect();
+        let faces = self.drop_elements(|own| own.iter().any(|&r| invalid[r as usize]), &mut on_corners, material);
+        let count = self.invalid_records.len() as u64;
+        self.tally.others.push(Warning::InvalidVertices { count, faces });
+        Ok(())
+    }
+
+    /// Vertices without a place go, where none were welded; `map` and corners get the new numbers.
+    fn drop_invalid(&mut self, map: &mut [u32]) {
+        if self.invalid_records.is_empty() {
             return;
         }
-        let (mut kept, mut to, mut from) = (0, 0, 0);
+        let (mut invalid, mut next) = (self.invalid_records.iter().copied().peekable(), 0);
+        for record in 0..map.len() {
+            if invalid.next_if_eq(&(record as u32)).is_some() {
+                map[record] = NO_VALUE;
+                continue;
+            }
+            self.positions[next as usize] = self.positions[record];
+            map[record] = next;
+            next += 1;
+        }
+        self.positions.truncate(next as usize);
+        self.corners.iter_mut().for_each(|c| *c = map[*c as usize]);
+    }
+
+    /// Edges whose ends have become one vertex go.
+    fn drop_closed_edges(&mut self, on_corners: &mut [&mut Vec<u32>], on_faces: &mut Vec<u32>) {
+        let closed = self.drop_elements(|own| own.len() == 2 && own[0] == own[1], on_corners, on_faces);
+        self.tally.point_edges += closed;
+    }
+
+    /// Elements go, and with them what is kept for each corner and each face; how many.
+    fn drop_elements(
+        &mut self,
+        gone: impl Fn(&[u32]) -> bool,
+        on_corners: &mut [&mut Vec<u32>],
+        on_faces: &mut Vec<u32>,
+    ) -> u64 {
+        let (corners, starts) = (&mut self.corners, &mut self.face_start);
+        if !starts.windows(2).any(|w| gone(&corners[w[0] as usize..w[1] as usize])) {
+            return 0;
+        }
+        let (mut kept, mut to, mut from, mut count) = (0, 0, 0, 0);
         for f in 1..starts.len() {
             let end = starts[f];
-            if closed(corners, from, end) {
-                self.tally.point_edges += 1;
+            let own = from as usize..end as usize;
+            if gone(&corners[own.clone()]) {
+                count += 1;
             } else {
-                let own = from as usize..end as usize;
                 for list in on_corners.iter_mut() {
                     list.copy_within(own.clone(), to);
                 }
@@ -433,6 +457,7 @@ impl Builder {
         corners.truncate(to);
         on_corners.iter_mut().for_each(|list| list.truncate(to));
         on_faces.truncate(kept);
+        count
     }
 }
 

@@ -5,6 +5,7 @@ use std::fmt;
 
 use thiserror::Error;
 
+use super::foreign;
 use super::warning::counted;
 
 /// Where in a file something is.
@@ -68,12 +69,9 @@ pub enum ReadErrorKind {
     #[error("cannot be read: {0}")]
     Io(String),
     /// The extension names no format.
-    #[error(
-        "{} is not a known mesh format; known are .obj .ply .stl .off .gltf .glb, each also with .gz. Rename the file or name its format",
-        if extension.is_empty() { "a file without extension".to_string() } else { format!("the extension .{extension}") }
-    )]
+    #[error("{}", unknown_extension(extension))]
     UnknownExtension {
-        /// The extension without its dot, `.gz` taken off; may be empty.
+        /// The extension without its dot, one of packed files taken off; may be empty.
         extension: String,
     },
     /// The first bytes are not those of the format.
@@ -87,8 +85,13 @@ pub enum ReadErrorKind {
         found: String,
     },
     /// Packed data that does not unpack.
-    #[error("the gzip data is damaged: {0}; fetch the file again")]
-    Gzip(String),
+    #[error("the packed data is damaged: {0}; fetch the file again")]
+    Packed(String),
+    /// What is no regular file: it might never end, or never begin.
+    #[error(
+        "this is no regular file (a pipe or a device); name a file, or pass the data on standard input, as in `- --format ply`"
+    )]
+    NotRegular,
     /// The file ends too early.
     #[error("the file ends inside {what}{}; it was cut, fetch it again", missing.map_or(String::new(), |m| format!(" ({} missing)", counted(m, "byte", "bytes"))))]
     Truncated {
@@ -97,6 +100,9 @@ pub enum ReadErrorKind {
         /// How many bytes are missing, when that is known.
         missing: Option<u64>,
     },
+    /// A sound file, or none at all, without a single vertex.
+    #[error("there is no vertex in it; fetch or export the file again, or allow empty meshes (--allow-empty)")]
+    Empty,
     /// A face, edge or point names a vertex that is not there.
     #[error(
         "{what} names vertex {index}, but the file has {}, numbered from {first}; mend the index or add the vertex",
@@ -114,7 +120,7 @@ pub enum ReadErrorKind {
     },
     /// A coordinate that is NaN or infinite.
     #[error(
-        "vertex {vertex} (counted from 0) has a coordinate that is not a finite number ({value}); mend or remove the vertex"
+        "vertex {vertex} (counted from 0) has a coordinate that is not a finite number ({value}); mend or remove the vertex, or drop all such (--invalid drop)"
     )]
     NotFinite {
         /// The vertex in the order of the file, from 0.
@@ -162,7 +168,9 @@ pub enum ReadErrorKind {
         advice: &'static str,
     },
     /// A glTF extension without which the file has no meaning, and which is not supported.
-    #[error("the file requires the glTF extension {0}, which is not supported; export it without that extension")]
+    #[error(
+        "the file requires the glTF extension {0}, which is not supported; export it without that extension, or try to unpack it with `gltf-transform copy IN.glb OUT.glb`"
+    )]
     Extension(String),
     /// An image file that is too large to be one.
     #[error(
@@ -184,6 +192,19 @@ pub enum ReadErrorKind {
         /// What is wrong and what to do.
         problem: String,
     },
+}
+
+fn unknown_extension(extension: &str) -> String {
+    if let Some((what, to_do)) = foreign::advice(extension) {
+        return format!("the extension .{extension} stands for {what}; {to_do}");
+    }
+    let what = match extension {
+        "" => "a file without extension".to_string(),
+        extension => format!("the extension .{extension}"),
+    };
+    format!(
+        "{what} is not a known mesh format; known are .obj .ply .stl .off .gltf .glb, each also with .gz, .zst or .xz. Rename the file or name its format"
+    )
 }
 
 /// An error before the name of the file is attached.

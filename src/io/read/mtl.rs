@@ -2,9 +2,14 @@
 //!
 //! Follows the MTL part of the OBJ specification and its extension for physically based shading (`Pr`, `Pm`, `norm`).
 //! Colours are taken as the numbers they are: MTL does not say whether they are linear, and a transfer function would
-//! lose their exactness. What glTF has no word for stays in `extras.mtl`, which holds every line of the record.
+//! lose their exactness. `Tr` is the opposite of `d` by the book, but scanning programs (OpenMVS, mvs-texturing, old
+//! MeshLab) have written it for `d` itself: it counts only where there is no `d`, and 1, which would be an invisible
+//! surface, is opaque. `Kd 0 0 0` beside a `map_Kd` is written for "see the image" and would make it black. What glTF
+//! has no word for stays in `extras.mtl`, which holds every line of the record.
 
 use serde_json::{Map, Value, json};
+
+use crate::io::name;
 
 /// A `newmtl` record: its name and its lines.
 #[derive(Debug, Default)]
@@ -15,7 +20,7 @@ pub(crate) struct Record {
 
 /// The records of a library. Lines before the first are no part of any; blank lines and comments are left out.
 pub(crate) fn records(bytes: &[u8]) -> Vec<Record> {
-    let text = String::from_utf8_lossy(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)).replace('\r', "\n");
+    let text = name::from_bytes(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)).replace('\r', "\n");
     let mut records: Vec<Record> = Vec::new();
     for line in text.replace("\\\n", " ").lines() {
         let line = line.trim();
@@ -129,7 +134,7 @@ pub(crate) fn material<E>(
     mut texture: impl FnMut(u32, bool) -> usize,
 ) -> Result<Value, E> {
     let mut colour = None;
-    let mut alpha = 1.0;
+    let (mut dissolve, mut transparency) = (None, None);
     let (mut emission, mut metallic, mut roughness, mut shininess) = (None, None, None, None);
     let mut maps: Vec<(MapLine<'_>, u32)> = Vec::new();
     for line in &record.lines {
@@ -139,8 +144,8 @@ pub(crate) fn material<E>(
         match keyword.to_ascii_lowercase().as_str() {
             "kd" => colour = numbers(rest).or(colour),
             "ke" => emission = numbers(rest).or(emission),
-            "d" => alpha = unit().unwrap_or(alpha),
-            "tr" => alpha = unit().map_or(alpha, |t| 1.0 - t),
+            "d" => dissolve = unit().or(dissolve),
+            "tr" => transparency = unit().or(transparency),
             "pm" => metallic = unit().or(metallic),
             "pr" => roughness = unit().or(roughness),
             "ns" => shininess = one().or(shininess),
@@ -152,11 +157,16 @@ pub(crate) fn material<E>(
             }
         }
     }
+    let alpha = dissolve.unwrap_or(match transparency {
+        Some(t) if t < 1.0 => 1.0 - t,
+        _ => 1.0,
+    });
     let find = |names: &[&str]| maps.iter().rev().find(|(m, _)| names.contains(&m.keyword.as_str()));
     let mut reference = |(map, image): &(MapLine<'_>, u32)| info(map, texture(*image, map.clamp));
     let mut pbr = Map::new();
     let base = find(&["map_kd"]);
     let unit = |c: [f64; 3]| c.map(|x| x.clamp(0.0, 1.0));
+    let colour = colour.filter(|c| base.is_none() || *c != [0.0; 3]);
     let [r, g, b] = unit(colour.unwrap_or([1.0; 3]));
     pbr.insert("baseColorFactor".into(), json!([r, g, b, alpha]));
     pbr.insert("metallicFactor".into(), json!(metallic.unwrap_or(0.0)));

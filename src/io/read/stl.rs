@@ -2,7 +2,9 @@
 //! have any number of corners.
 //!
 //! Many binary files begin with `solid` as ASCII ones do: a file is binary when its size is what its count says,
-//! or when it does not look like text.
+//! or when it does not look like text. Where the size is one of whole triangles it is believed before the count.
+
+use std::borrow::Cow;
 
 use super::build::{Builder, Kind, MAX};
 use super::error::{At, Fail, Place, ReadErrorKind, printable};
@@ -46,13 +48,28 @@ fn is_binary(bytes: &[u8]) -> Result<bool, Fail> {
     Ok(true)
 }
 
-fn binary(b: &mut Builder, bytes: &[u8]) -> Result<(), Fail> {
-    let count = announced(bytes).unwrap_or(0);
-    let body = &bytes[HEADER.min(bytes.len())..];
-    if count * RECORD as u64 > body.len() as u64 {
-        let kind = ReadErrorKind::Count { what: "triangles".to_string(), count, bytes: body.len() as u64 };
-        return Err(kind).at(|| Place::Byte(80));
+/// How many triangles a body has: what the header says, unless the size disproves it. Programs that do not know the
+/// count when they begin write zero, or the largest number, and forget to come back.
+fn count(b: &mut Builder, announced: u64, body: u64) -> Result<u64, Kind> {
+    let (found, whole) = (body / RECORD as u64, body.is_multiple_of(RECORD as u64));
+    let fits = announced.saturating_mul(RECORD as u64) <= body;
+    match announced {
+        n if n == found && whole => Ok(n),
+        // A count of nothing, with something behind it, is no count.
+        n if !whole && (n == 0 || !fits) => {
+            Err(ReadErrorKind::Count { what: "triangles".to_string(), count: n, bytes: body })
+        }
+        n if !whole => Ok(n),
+        announced => {
+            b.tally.others.push(Warning::WrongCount { what: "triangles", announced, found });
+            Ok(found)
+        }
     }
+}
+
+fn binary(b: &mut Builder, bytes: &[u8]) -> Result<(), Fail> {
+    let body = &bytes[HEADER.min(bytes.len())..];
+    let count = count(b, announced(bytes).unwrap_or(0), body.len() as u64).at(|| Place::Byte(80))?;
     if 3 * count > MAX as u64 {
         return Err(ReadErrorKind::TooLarge { what: "corners", limit: MAX as u64 }).at(|| Place::Byte(80));
     }
@@ -80,23 +97,24 @@ fn binary(b: &mut Builder, bytes: &[u8]) -> Result<(), Fail> {
     Ok(())
 }
 
-/// Keywords in any case; line breaks mean nothing but the end of a name.
+/// Keywords in any case, `endloop` also as `end loop`; line breaks mean nothing but the end of a name.
 fn ascii(b: &mut Builder, bytes: &[u8]) -> Result<(), Fail> {
     let mut c = Cursor::new(bytes);
     let is = |word: &[u8], keyword: &str| word.eq_ignore_ascii_case(keyword.as_bytes());
-    let mut open = false;
+    let (mut open, mut names) = (false, 0);
     loop {
         c.skip_space();
         let before = c.clone();
-        let word = c.word();
+        let word = keyword(&mut c);
         if word.is_empty() {
             break;
         }
-        match word {
+        match &word[..] {
             w if is(w, "facet") => facet(b, &mut c)?,
             // The rest of the line is a name.
             w if is(w, "solid") => {
                 open = true;
+                names += u64::from(!c.rest_of_line().is_empty());
                 c.skip_line();
             }
             w if is(w, "endsolid") => {
@@ -106,6 +124,7 @@ fn ascii(b: &mut Builder, bytes: &[u8]) -> Result<(), Fail> {
             _ => return Err(before.unexpected("`facet`, `solid` or `endsolid`")).at(|| before.place()),
         }
     }
+    b.tally.drop_layer(Layer::SolidNames, names);
     if open {
         b.tally.others.push(Warning::UnfinishedSolid);
     }
@@ -127,7 +146,7 @@ fn facet(b: &mut Builder, c: &mut Cursor<'_>) -> Result<(), Fail> {
     loop {
         c.skip_space();
         let before = c.clone();
-        let word = c.word();
+        let word = keyword(c);
         if word.eq_ignore_ascii_case(b"endloop") {
             break;
         }
@@ -147,11 +166,21 @@ fn facet(b: &mut Builder, c: &mut Cursor<'_>) -> Result<(), Fail> {
     expect(c, "endfacet")
 }
 
-fn expect(c: &mut Cursor<'_>, keyword: &str) -> Result<(), Fail> {
+/// The next word; `end` and the one behind it are one.
+fn keyword<'a>(c: &mut Cursor<'a>) -> Cow<'a, [u8]> {
+    let word = c.word();
+    if !word.eq_ignore_ascii_case(b"end") {
+        return Cow::Borrowed(word);
+    }
+    c.skip_blanks();
+    Cow::Owned([word, c.word()].concat())
+}
+
+fn expect(c: &mut Cursor<'_>, wanted: &str) -> Result<(), Fail> {
     c.skip_space();
     let before = c.clone();
-    if !c.word().eq_ignore_ascii_case(keyword.as_bytes()) {
-        return Err(truncated(&before, &format!("`{keyword}`"))).at(|| before.place());
+    if !keyword(c).eq_ignore_ascii_case(wanted.as_bytes()) {
+        return Err(truncated(&before, &format!("`{wanted}`"))).at(|| before.place());
     }
     Ok(())
 }
@@ -165,7 +194,7 @@ fn truncated(c: &Cursor<'_>, what: &str) -> Kind {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Format, ReadMesh, ReadOptions, Warning, read_bytes};
+    use super::super::{Format, Layer, ReadMesh, ReadOptions, Warning, read_bytes};
 
     fn stl(bytes: &[u8]) -> ReadMesh {
         read_bytes(bytes, Format::Stl, None, &ReadOptions::default()).unwrap()
@@ -204,11 +233,12 @@ mod tests {
     fn ascii_is_welded_and_may_have_polygons() {
         let m = stl(TEXT.as_bytes());
         assert_eq!(faces(&m), [vec![0, 1, 2], vec![2, 1, 3, 4]]);
-        assert_eq!((m.map.as_slice(), m.warnings.len()), (&[0, 1, 2, 2, 1, 3, 4][..], 0));
+        assert_eq!(m.map, [0, 1, 2, 2, 1, 3, 4]);
+        assert_eq!(m.warnings, [Warning::NotCarried { layer: Layer::SolidNames, count: 1 }]);
         let apart = ReadOptions { weld: Some(false), ..Default::default() };
         assert_eq!(read_bytes(TEXT.as_bytes(), Format::Stl, None, &apart).unwrap().mesh.vertex_count(), 7);
         let open = stl(TEXT.split("endsolid").next().unwrap().as_bytes());
-        assert_eq!((faces(&open), open.warnings), (faces(&m), vec![Warning::UnfinishedSolid]));
+        assert_eq!((faces(&open), &open.warnings[1..]), (faces(&m), &[Warning::UnfinishedSolid][..]));
     }
 
     #[test]
@@ -219,8 +249,9 @@ mod tests {
             file.extend([1, 2, 3]);
             assert_eq!(stl(&file).warnings, [Warning::TrailingBytes { count: 3 }]);
         }
-        assert_eq!(stl(&binary(b"", &[])).mesh.vertex_count(), 0);
-        assert_eq!(stl(b"solid empty\nendsolid empty").mesh.vertex_count(), 0);
+        for empty in [&binary(b"", &[])[..], b"solid empty\nendsolid empty", b""] {
+            assert!(error(empty).starts_with("input: there is no vertex in it"));
+        }
     }
 
     #[test]
@@ -234,7 +265,7 @@ mod tests {
         bad[84 + 50 + 24..][..4].copy_from_slice(&f32::NAN.to_le_bytes());
         assert_eq!(
             error(&bad),
-            "input, byte 158: vertex 4 (counted from 0) has a coordinate that is not a finite number (NaN); mend or remove the vertex"
+            "input, byte 158: vertex 4 (counted from 0) has a coordinate that is not a finite number (NaN); mend or remove the vertex, or drop all such (--invalid drop)"
         );
         assert_eq!(
             error(TEXT.split("vertex 1").next().unwrap().as_bytes()),
@@ -251,10 +282,6 @@ mod tests {
         assert_eq!(
             error(b"v 0 0 0\n"),
             "input: this is not an STL file: \"v 0 0 0\" stands where `solid` or a header of 84 bytes belongs; check the file or name its true format"
-        );
-        assert_eq!(
-            error(b""),
-            "input: this is not an STL file: nothing (the file is empty) stands where `solid` or a header of 84 bytes belongs; check the file or name its true format"
         );
     }
 }

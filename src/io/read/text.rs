@@ -181,8 +181,27 @@ impl<'a> Cursor<'a> {
                 self.pos += n;
                 Ok(value)
             }
-            _ => Err(self.unexpected(what)),
+            _ => self.no_number().ok_or_else(|| self.unexpected(what)),
         }
+    }
+
+    /// What C libraries write for no number and for too large ones: `-nan(ind)`, `1.#QNAN`, `-1.#IND00`, `1.#INF`.
+    #[cold]
+    fn no_number(&mut self) -> Option<f64> {
+        let after = self.clone();
+        let word = self.word();
+        let unsigned = word.strip_prefix(b"-").or(word.strip_prefix(b"+")).unwrap_or(word);
+        let begins = |name: &str| unsigned.get(..name.len()).is_some_and(|w| w.eq_ignore_ascii_case(name.as_bytes()));
+        if begins("nan(") && unsigned.ends_with(b")")
+            || ["1.#ind", "1.#qnan", "1.#snan", "1.#nan"].into_iter().any(begins)
+        {
+            return Some(f64::NAN);
+        }
+        if begins("1.#inf") {
+            return Some(if word.starts_with(b"-") { f64::NEG_INFINITY } else { f64::INFINITY });
+        }
+        *self = after;
+        None
     }
 
     /// A whole number; what follows it is the caller's business. `None` leaves the cursor where it is.
@@ -282,7 +301,11 @@ mod tests {
             let value = Cursor::new(text.as_bytes()).float("x").unwrap();
             assert_eq!(value.to_bits(), text.parse::<f64>().unwrap().to_bits(), "{text}");
         }
-        assert!(Cursor::new(b"1.#QNAN").float("x").is_err());
+        for text in ["-nan(ind)", "nan(snan)", "1.#QNAN", "-1.#IND00", "NaN", "-nan"] {
+            assert!(Cursor::new(text.as_bytes()).float("x").unwrap().is_nan(), "{text}");
+        }
+        assert_eq!(Cursor::new(b"-1.#INF0").float("x").unwrap(), f64::NEG_INFINITY);
+        assert!(Cursor::new(b"1.#GUESS").float("x").is_err());
         assert!(Cursor::new(b"12a").float("x").is_err());
         assert_eq!(Cursor::new(b"3.0 ").whole("x").unwrap(), 3);
         assert!(Cursor::new(b"3.5").whole("x").is_err());

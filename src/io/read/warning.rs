@@ -34,6 +34,16 @@ pub enum Layer {
     Animations,
     /// Further attributes of glTF vertices.
     OtherAttributes,
+    /// Numbers behind the coordinates of a vertex that are neither announced nor a colour.
+    FurtherNumbers,
+    /// Names of nodes and meshes in glTF.
+    NodeNames,
+    /// Names of the solids of an STL.
+    SolidNames,
+    /// Cameras.
+    Cameras,
+    /// What programs add to nodes, meshes and scenes of glTF.
+    Extras,
 }
 
 impl fmt::Display for Layer {
@@ -53,6 +63,11 @@ impl fmt::Display for Layer {
             Layer::MorphTargets => "morph targets",
             Layer::Animations => "animations",
             Layer::OtherAttributes => "further vertex attributes",
+            Layer::FurtherNumbers => "further numbers behind the coordinates of vertices",
+            Layer::NodeNames => "names of nodes and meshes",
+            Layer::SolidNames => "names of solids",
+            Layer::Cameras => "cameras",
+            Layer::Extras => "extras of nodes, meshes and scenes",
         })
     }
 }
@@ -101,6 +116,43 @@ pub enum Warning {
         layer: String,
         /// How many values.
         count: u64,
+    },
+    /// Corners that name a value which is not there, which is as if they named none.
+    MissingValues {
+        /// The name of the layer.
+        layer: String,
+        /// How many corners.
+        count: u64,
+    },
+    /// Colours a little outside of 0..1, cut off there.
+    ClampedColours {
+        /// The name of the layer.
+        layer: String,
+        /// How many numbers.
+        count: u64,
+    },
+    /// Colours that lie far outside of 0..1 and of any range of whole numbers: kept as numbers without that meaning.
+    HighColours {
+        /// The name of the layer.
+        layer: String,
+        /// How many numbers lie outside.
+        count: u64,
+    },
+    /// Vertices with a coordinate that is NaN or infinite, left out as asked, and the faces that used them.
+    InvalidVertices {
+        /// How many vertices.
+        count: u64,
+        /// How many faces, edges included.
+        faces: u64,
+    },
+    /// A count in a header that the size of the file disproves.
+    WrongCount {
+        /// What is counted.
+        what: &'static str,
+        /// As the header has it.
+        announced: u64,
+        /// As many as there are.
+        found: u64,
     },
     /// Files that the mesh refers to and that are not there, or not what they should be.
     MissingFiles {
@@ -167,6 +219,9 @@ pub enum Warning {
     },
 }
 
+/// How many names a line lists.
+const LISTED: usize = 16;
+
 /// `1 face`, `2 faces`.
 pub(crate) fn counted(count: u64, one: &str, many: &str) -> String {
     format!("{count} {}", if count == 1 { one } else { many })
@@ -215,6 +270,29 @@ impl fmt::Display for Warning {
                 let values = counted(*count, "value", "values");
                 write!(f, "{values} of `{layer}` not finite and left out")
             }
+            Warning::MissingValues { layer, count } => {
+                let corners = counted(*count, "corner names a value", "corners name values");
+                write!(f, "{corners} of `{layer}` that the file does not have; they are read as without")
+            }
+            Warning::ClampedColours { layer, count } => {
+                let numbers = counted(*count, "number", "numbers");
+                write!(f, "{numbers} of `{layer}` a little outside of 0..1 {} cut off there", verb(*count))
+            }
+            Warning::HighColours { layer, count } => {
+                let numbers = counted(*count, "number", "numbers");
+                write!(f, "{numbers} of `{layer}` far outside of 0..1: all of it is kept as numbers, not as colours")
+            }
+            Warning::InvalidVertices { count, faces } => {
+                let vertices = counted(*count, "vertex", "vertices");
+                let faces = counted(*faces, "face or edge that uses them", "faces and edges that use them");
+                write!(f, "{vertices} without a finite place left out, with {faces}")
+            }
+            Warning::WrongCount { what, announced, found } => {
+                write!(
+                    f,
+                    "the header announces {announced} {what}, the size of the file tells {found}; these were read"
+                )
+            }
             Warning::MissingFiles { what, count, names } => {
                 let (one, many) = (format!("{what} not found"), format!("{} not found", plural(what)));
                 write!(f, "{}: {}", counted(*count, &one, &many), some(names, *count))
@@ -231,7 +309,8 @@ impl fmt::Display for Warning {
             }
             Warning::SkippedProperties { element, names, count } => {
                 let records = counted(*count, "record", "records");
-                write!(f, "PLY properties of `{element}` skipped ({records}): {}", names.join(", "))
+                let (all, listed) = (names.len() as u64, &names[..names.len().min(LISTED)]);
+                write!(f, "PLY properties of `{element}` skipped ({records}): {}", some(listed, all))
             }
             Warning::UnknownStatements { count, first, line } => {
                 let lines = counted(*count, "line", "lines");

@@ -44,7 +44,12 @@ pub(super) fn library(appearance: &Appearance, images: &[String]) -> (String, Ve
 
 /// A line of a record, with the name that its image has now.
 fn restored(text: &mut String, line: &str, appearance: &Appearance, images: &[String]) {
+    // One line stays one line of this record, whatever a file has put there.
     let line = line.replace(char::is_control, " ");
+    let line = line.trim_end_matches(['\\', ' ']).to_string();
+    if line.split_whitespace().next().is_some_and(|word| word.eq_ignore_ascii_case("newmtl")) {
+        return;
+    }
     let known = map_line(&line).and_then(|map| {
         let number = appearance.images.iter().position(|image| image.name == map.file)?;
         // Without its bytes the image stays where it was.

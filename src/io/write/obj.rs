@@ -11,6 +11,7 @@ use std::io::Write;
 use super::sidecars::Sidecars;
 use super::split::Split;
 use super::{Census, WriteErrorKind, WriteWarning, mtl};
+use crate::io::name;
 use crate::mesh::{Layer, LayerKind, Mesh, NO_VALUE};
 
 pub(super) fn write<'m>(
@@ -78,7 +79,9 @@ pub(super) fn write<'m>(
     for (f, &material) in mesh.material.iter().enumerate().filter(|(_, m)| **m != NO_VALUE) {
         if material != now {
             now = material;
-            writeln!(out, "usemtl {}", names.get(material as usize).map_or("unknown", String::as_str))?;
+            out.write_all(b"usemtl ")?;
+            out.write_all(&name::to_bytes(names.get(material as usize).map_or("unknown", String::as_str)))?;
+            out.write_all(b"\n")?;
         }
         faces.write(out, f)?;
     }
@@ -110,7 +113,7 @@ fn materials<'m>(mesh: &'m Mesh, beside: &mut Sidecars<'m>, warnings: &mut Vec<W
     let (text, names, simplified) = mtl::library(appearance, &images);
     match own {
         Some(name) => {
-            beside.files.push((name, Cow::Owned(text.into_bytes())));
+            beside.files.push((name, Cow::Owned(name::to_bytes(&text).into_owned())));
             let missing = appearance.images.iter().filter(|i| i.bytes.is_empty()).count() as u64;
             if missing > 0 {
                 warnings.push(WriteWarning::ImagesMissing { count: missing });

@@ -8,6 +8,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::io::name;
 use crate::io::read::media_type;
 use crate::mesh::{Image, Mesh};
 
@@ -83,9 +84,10 @@ impl<'m> Sidecars<'m> {
 }
 
 /// A name of one part, without what systems or formats give a meaning to.
-pub(super) fn safe(name: &str) -> String {
-    let last = name.rsplit(['/', '\\']).next().unwrap_or_default();
-    let plain = |c: char| if c.is_control() || c.is_whitespace() || "\"*:<>?|#%;".contains(c) { '_' } else { c };
+pub(super) fn safe(text: &str) -> String {
+    let last = text.rsplit(['/', '\\']).next().unwrap_or_default();
+    let odd = |c: char| c.is_control() || c.is_whitespace() || name::is_byte(c) || "\"*:<>?|#%;".contains(c);
+    let plain = |c: char| if odd(c) { '_' } else { c };
     let name: String = last.trim().chars().map(plain).take(120).collect();
     let name = name.trim_start_matches(['.', '-']);
     if name.is_empty() { "unnamed".to_string() } else { name.to_string() }

@@ -49,7 +49,8 @@ impl Material {
         let factor = std::array::from_fn(|k| factor[k].as_f64().unwrap_or(1.0).clamp(0.0, 1.0) as f32);
         let cutoff = match json["alphaMode"].as_str() {
             Some("MASK") => Some(json["alphaCutoff"].as_f64().unwrap_or(0.5) as f32),
-            Some("BLEND") => Some(0.5f32.min(0.5 * factor[3])),
+            // What is wholly transparent is not seen at all.
+            Some("BLEND") => Some(0.5f32.min(0.5 * factor[3]).max(f32::MIN_POSITIVE)),
             _ => None,
         };
         Material { factor, texture: texture_use(appearance, texture), cutoff }

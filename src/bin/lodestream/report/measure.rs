@@ -11,7 +11,7 @@ use lodestream::encode::cost::Engine;
 use lodestream::encode::{Control, EncodeOptions, Progress};
 use lodestream::format::container::{ChunkInfo, FileIndex, Kind, Parsed};
 use lodestream::format::decoder::{Decoder, Step};
-use lodestream::io::read::ReadOptions;
+use lodestream::io::read::{Invalid, ReadOptions};
 use lodestream::mesh::Mesh;
 use lodestream::mesh::lattice::Quantization;
 use lodestream::quality::picture::{Picture, Scene, Shading, View, draw};
@@ -88,7 +88,8 @@ pub fn measure(path: &Path, args: &Args, bars: &Bars) -> Result<Subject> {
         (model::load(path, None, &args.machine, bars)?.mesh, shared::read_file(path)?)
     } else {
         let clock = Instant::now();
-        let options = ReadOptions { memory_limit: args.machine.memory_limit, ..ReadOptions::default() };
+        let (memory_limit, invalid) = (args.machine.memory_limit, Invalid::Drop);
+        let options = ReadOptions { memory_limit, invalid, ..ReadOptions::default() };
         let mesh = shared::read_mesh(path, None, &options)?.mesh;
         let read = shared::seconds(clock);
         let options = EncodeOptions::default().quantization(Quantization::Bits(args.position_bits));

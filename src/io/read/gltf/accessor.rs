@@ -1,4 +1,5 @@
-//! Accessors: typed views of buffers, with strides, normalized integers and sparse replacements.
+//! Accessors: typed views of buffers, with strides, normalized integers and sparse replacements; or what Draco data
+//! hold in their place.
 
 use serde_json::Value;
 
@@ -10,7 +11,7 @@ use crate::mesh::Stored;
 
 /// The types of components.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Component {
+pub(super) enum Component {
     I8,
     U8,
     I16,
@@ -20,7 +21,7 @@ enum Component {
 }
 
 impl Component {
-    fn parse(code: u64) -> Result<Self, Kind> {
+    pub fn parse(code: u64) -> Result<Self, Kind> {
         Ok(match code {
             5120 => Component::I8,
             5121 => Component::U8,
@@ -32,7 +33,7 @@ impl Component {
         })
     }
 
-    fn size(self) -> usize {
+    pub fn size(self) -> usize {
         match self {
             Component::I8 | Component::U8 => 1,
             Component::I16 | Component::U16 => 2,
@@ -123,9 +124,27 @@ pub(super) struct Accessor {
     sparse: Option<Sparse>,
     /// Its number in the document, for messages.
     number: usize,
+    /// What tells it from all others: its number, unless its items are those of a Draco mesh.
+    pub identity: u64,
+}
+
+/// The items that stand for those of an accessor, side by side in a buffer.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Replacement {
+    pub buffer: usize,
+    pub count: usize,
+    pub component: Component,
+    pub identity: u64,
 }
 
 impl Accessor {
+    /// Whole numbers of 32 bits in a buffer, which stand for the items of accessor `number`.
+    pub fn indices(number: usize, by: Replacement) -> Self {
+        let Replacement { buffer, count, component, identity } = by;
+        let view = Some(View { buffer, start: 0, stride: component.size() });
+        Accessor { count, component, normalized: false, view, sparse: None, number, identity }
+    }
+
     /// Check accessor `number`, which must have `N` components per item, and load its buffers.
     pub fn new<const N: usize>(doc: &mut Document<'_>, number: u64, budget: &mut Budget) -> Result<Self, Fail> {
         let at = || Place::Item(format!("accessors[{number}]"));
@@ -144,28 +163,18 @@ impl Accessor {
         let count = needed(a, "count").at(at)?;
         let component = needed(a, "componentType").and_then(Component::parse).at(at)?;
         let normalized = a.get("normalized").and_then(Value::as_bool).unwrap_or(false);
+        if let Some(&Replacement { buffer, count, component: found, identity }) = doc.replaced.get(&(number as u64)) {
+            let view = Some(View { buffer, start: 0, stride: N * found.size() });
+            // Numbers that were stored as floats already are what they mean.
+            let normalized = normalized && found == component;
+            return Ok(Accessor { count, component: found, normalized, view, sparse: None, number, identity });
+        }
         let size = N * component.size();
         let mut view = |item: &Value, offset_key: &str, count: u64, size: usize| -> Result<Option<View>, Fail> {
             let Some(number) = uint(item, "bufferView").at(at)? else { return Ok(None) };
-            let views = list(json, "bufferViews").at(top)?;
-            let v = &views[in_range(number, views.len(), "bufferViews").at(at)?];
-            let at_view = || Place::Item(format!("bufferViews[{number}]"));
-            if v.pointer("/extensions/EXT_meshopt_compression").is_some() {
-                let name = "EXT_meshopt_compression".to_string();
-                return Err(ReadErrorKind::Extension(name)).at(at_view);
-            }
-            let buffer = needed(v, "buffer").at(at_view)?;
-            let buffer = in_range(buffer, list(json, "buffers").at(top)?.len(), "buffers").at(at_view)?;
-            buffers.load(json, buffer, budget)?;
-            let held = buffers.get(buffer).len() as u64;
-            let start = uint(v, "byteOffset").at(at_view)?.unwrap_or(0);
-            let length = needed(v, "byteLength").at(at_view)?;
-            if start.saturating_add(length) > held {
-                let end = start.saturating_add(length);
-                let outside = format!("it ends at byte {end} of a buffer of {held} bytes; mend the document");
-                return Err(Kind::Syntax(outside)).at(at_view);
-            }
-            let stride = uint(v, "byteStride").at(at_view)?.unwrap_or(size as u64);
+            let span = buffers.span(json, number, budget)?;
+            let (start, length, held) = (span.start as u64, span.length as u64, buffers.get(span.buffer).len() as u64);
+            let stride = span.stride.unwrap_or(size as u64);
             let offset = uint(item, offset_key).at(at)?.unwrap_or(0);
             let needs = match count.checked_sub(1) {
                 Some(last) => offset.saturating_add(last.saturating_mul(stride)).saturating_add(size as u64),
@@ -177,7 +186,7 @@ impl Accessor {
             }
             // All are below the length of the buffer, except for an empty accessor's offset.
             let start = start.saturating_add(offset).min(held) as usize;
-            Ok(Some(View { buffer, start, stride: stride.min(held) as usize }))
+            Ok(Some(View { buffer: span.buffer, start, stride: stride.min(held) as usize }))
         };
         let main = view(a, "byteOffset", count, size)?;
         let sparse = match a.get("sparse") {
@@ -198,7 +207,8 @@ impl Accessor {
             let what = "items without data".to_string();
             return Err(ReadErrorKind::Count { what, count, bytes: doc.buffers.bytes }).at(at);
         }
-        Ok(Accessor { count: count as usize, component, normalized, view: main, sparse, number })
+        let identity = number as u64;
+        Ok(Accessor { count: count as usize, component, normalized, view: main, sparse, number, identity })
     }
 
     /// How the numbers are stored, when an attribute of any kind is made of them: what is normalized has no integers.

@@ -1,7 +1,6 @@
 //! Materials, textures, samplers and images: all of the document, so that their numbers stay what they are.
 
 use std::collections::BTreeSet;
-use std::path::Path;
 
 use serde_json::Value;
 
@@ -10,12 +9,13 @@ use super::super::appearance::{Files, media_type};
 use super::super::build::Builder;
 use super::super::error::{At, Fail, Place};
 use super::super::warning::Warning;
-use super::buffer::{decode, percent_decode};
+use super::buffer::decode;
 use super::json::{list, text, uint};
-use super::{Document, top};
+use super::{Document, READ, top};
+use crate::io::beside::{Folder, percent_decode};
 use crate::mesh::Image;
 
-pub(super) fn read(doc: &mut Document<'_>, b: &mut Builder, base: Option<&Path>) -> Result<(), Fail> {
+pub(super) fn read(doc: &mut Document<'_>, b: &mut Builder, folder: Option<&Folder>) -> Result<(), Fail> {
     let json = doc.json;
     let mut kept = BTreeSet::new();
     if !b.drop.materials {
@@ -36,19 +36,18 @@ pub(super) fn read(doc: &mut Document<'_>, b: &mut Builder, base: Option<&Path>)
         if last.is_some_and(|m| m.pointer("/extras/lodestream").and_then(Value::as_str) == Some(NO_MATERIAL)) {
             b.appearance.materials.pop();
         }
-        let mut files = Files::new(base);
+        let mut files = Files::new(folder);
         for (i, item) in list(json, "images").at(top)?.iter().enumerate() {
             let image = image(doc, b, &mut files, item, i)?;
             b.appearance.images.push(image);
         }
         files.report(b);
         let used = list(json, "extensionsUsed").at(top)?.iter().filter_map(Value::as_str);
-        let read = ["KHR_mesh_quantization", "EXT_mesh_gpu_instancing"];
         let skipped = used.filter(|name| {
             // What describes materials, textures and images is known even where it stands for the whole file.
             let appearance = ["KHR_materials_", "KHR_texture_", "EXT_texture_", "EXT_materials_", "MSFT_texture_"];
             let variants = *name == "KHR_materials_variants";
-            !read.contains(name)
+            !READ.contains(name)
                 && !kept.contains(*name)
                 && (variants || !appearance.iter().any(|p| name.starts_with(p)))
         });

@@ -1,7 +1,8 @@
 //! Attributes of primitives as layers.
 //!
-//! `TEXCOORD_n`, `NORMAL`, `TANGENT`, `COLOR_n` and `_NAME` of all primitives of one name are one layer. An accessor that
-//! several primitives share gives its values once for each place of the mesh. Normals and tangents turn with the node.
+//! `TEXCOORD_n`, `NORMAL`, `TANGENT`, `COLOR_n` and `_NAME` of all primitives of one name are one layer. An accessor
+//! that several primitives share gives its values once for each place of the mesh. Normals and tangents turn with the
+//! node.
 
 use serde_json::Value;
 
@@ -20,8 +21,6 @@ pub(super) struct Source {
     /// Which of the wanted layers it belongs to.
     layer: usize,
     accessor: Accessor,
-    /// The number of the accessor.
-    number: u64,
     width: u8,
 }
 
@@ -117,7 +116,7 @@ impl Wanted {
             plan.width = plan.width.max(width);
             let same = plan.stored.is_none_or(|s| s == stored);
             plan.stored = Some(if same { stored } else { Stored::F32 });
-            sources.push(Source { layer, accessor, number, width });
+            sources.push(Source { layer, accessor, width });
         }
         Ok(sources)
     }
@@ -169,14 +168,14 @@ impl Emitted {
         b: &mut Builder,
     ) -> Result<(), Fail> {
         let at = wanted.at[source.layer];
-        let known = self.0.iter().find(|e| e.0 == at && e.1 == source.number).map(|e| e.2);
+        let known = self.0.iter().find(|e| e.0 == at && e.1 == source.accessor.identity).map(|e| e.2);
         let first = match known {
             Some(first) => first,
             None => {
                 let layer = &b.layers[at];
                 let first = layer.values.len() / layer.width as usize;
                 values(doc, source, matrix, at, b)?;
-                self.0.push((at, source.number, first));
+                self.0.push((at, source.accessor.identity, first));
                 first
             }
         };

@@ -1,24 +1,26 @@
 //! glTF 2.0, as JSON or as GLB: every primitive of every mesh of the default scene, placed by its nodes.
 //!
-//! Follows the Khronos glTF 2.0 specification (sections 3.5 scenes and transforms, 3.6 buffers and accessors,
-//! 3.7 meshes, 4.4 GLB), `KHR_mesh_quantization` and `EXT_mesh_gpu_instancing`. Each node with a mesh contributes
-//! a copy of it. Triangles of a mirrored node are turned round, as the specification asks. Lines become dangling
-//! edges, points isolated vertices. Attributes become layers on corners; materials, textures, samplers and images keep
-//! their numbers, and the first three come as they stand, extensions included. An extension that a file requires and that
+//! Follows the Khronos glTF 2.0 specification (sections 3.5 scenes and transforms, 3.6 buffers and accessors, 3.7
+//! meshes, 4.4 GLB), `KHR_mesh_quantization`, `EXT_mesh_gpu_instancing`, `EXT_meshopt_compression`,
+//! `KHR_meshopt_compression` and `KHR_draco_mesh_compression`. Each node with a mesh contributes a copy of it.
+//! Triangles of a mirrored node are turned round, as the specification asks. Lines become dangling edges, points
+//! isolated vertices. Attributes become layers on corners; materials, textures, samplers and images keep their
+//! numbers, and the first three come as they stand, extensions included. An extension that a file requires and that
 //! changes what the mesh is, is an error that names it; those of lights and the like are skipped with a warning.
 
 mod accessor;
 mod appearance;
 mod attribute;
 mod buffer;
+mod draco;
 mod json;
+mod meshopt;
 mod primitive;
 mod scene;
 #[cfg(test)]
 mod tests;
 
-use std::collections::BTreeSet;
-use std::path::Path;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde_json::Value;
 
@@ -26,18 +28,22 @@ use super::build::Builder;
 use super::error::{At, Fail, Place, ReadErrorKind, printable};
 use super::warning::{Layer, Warning};
 use super::{ReadMesh, ReadOptions};
+use crate::io::beside::Folder;
 pub(crate) use appearance::extensions_in;
 pub(super) use attribute::meaning;
 
+use accessor::Replacement;
 use attribute::Wanted;
 use buffer::Buffers;
-pub(crate) use buffer::percent_decode;
 use json::{list, text};
 use primitive::MeshPlan;
 
+/// Extensions that are read, outside of materials and textures.
+const READ: [&str; 5] =
+    ["KHR_mesh_quantization", "EXT_mesh_gpu_instancing", meshopt::NAMES[0], meshopt::NAMES[1], draco::NAME];
+
 /// Extensions that may be required because they do not change geometry or connectivity, or because they are read.
 fn harmless(extension: &str) -> bool {
-    const READ: [&str; 2] = ["KHR_mesh_quantization", "EXT_mesh_gpu_instancing"];
     const PREFIXES: [&str; 9] = [
         "KHR_materials_",
         "KHR_texture_",
@@ -66,9 +72,12 @@ fn harmless(extension: &str) -> bool {
 pub(super) struct Document<'a> {
     json: &'a Value,
     buffers: Buffers<'a>,
+    /// While a primitive with Draco data is read: what its accessors hold.
+    replaced: BTreeMap<u64, Replacement>,
+    draco: draco::Unpacked,
 }
 
-pub(super) fn read(bytes: &[u8], base_dir: Option<&Path>, options: &ReadOptions) -> Result<ReadMesh, Fail> {
+pub(super) fn read(bytes: &[u8], folder: Option<&Folder>, options: &ReadOptions) -> Result<ReadMesh, Fail> {
     let mut b = Builder::new(options, true, bytes.len());
     let (text, chunk) = split(&mut b, bytes)?;
     // A number in a list takes two bytes of text and 32 as a value.
@@ -90,9 +99,9 @@ pub(super) fn read(bytes: &[u8], base_dir: Option<&Path>, options: &ReadOptions)
             return Err(ReadErrorKind::Extension(name.escape_debug().take(80).collect()).into());
         }
     }
-    let buffers = Buffers::new(&json, chunk, base_dir, bytes.len())?;
-    let mut doc = Document { json: &json, buffers };
-    appearance::read(&mut doc, &mut b, base_dir)?;
+    let buffers = Buffers::new(&json, chunk, folder, bytes.len())?;
+    let mut doc = Document { json: &json, buffers, replaced: BTreeMap::new(), draco: draco::Unpacked::default() };
+    appearance::read(&mut doc, &mut b, folder)?;
     let instances = scene::instances(&mut doc, &mut b)?;
 
     let meshes = list(&json, "meshes").at(top)?.len();
@@ -124,9 +133,32 @@ pub(super) fn read(bytes: &[u8], base_dir: Option<&Path>, options: &ReadOptions)
         b.tally.others.push(Warning::UnusedMeshes { count: (meshes - used.len()) as u64 });
     }
     b.tally.drop_layer(Layer::Animations, list(&json, "animations").at(top)?.len() as u64);
+    unsaid(&json, &mut b)?;
     drop(doc);
     drop(json);
     Ok(b.finish()?)
+}
+
+/// Count what stands in a document beside meshes, materials and their places.
+fn unsaid(json: &Value, b: &mut Builder) -> Result<(), Fail> {
+    let (mut names, mut extras) = (0, 0);
+    let mut look = |item: &Value, named: bool| {
+        names += u64::from(named && item.get("name").and_then(Value::as_str).is_some_and(|name| !name.is_empty()));
+        extras += u64::from(item.get("extras").is_some_and(|e| !e.is_null()));
+    };
+    look(json, false);
+    for (list_name, named) in [("nodes", true), ("meshes", true), ("scenes", false)] {
+        for item in list(json, list_name).at(top)? {
+            look(item, named);
+            for primitive in list(item, "primitives").at(top)? {
+                look(primitive, false);
+            }
+        }
+    }
+    b.tally.drop_layer(Layer::NodeNames, names);
+    b.tally.drop_layer(Layer::Extras, extras);
+    b.tally.drop_layer(Layer::Cameras, list(json, "cameras").at(top)?.len() as u64);
+    Ok(())
 }
 
 /// The place of what concerns the whole document.

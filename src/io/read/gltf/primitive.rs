@@ -9,9 +9,9 @@ use super::super::error::{At, Fail, Place, ReadErrorKind};
 use super::super::warning::{Layer, Warning};
 use super::accessor::Accessor;
 use super::attribute::{Emitted, Source, Wanted};
-use super::json::{as_uint, in_range, list, uint};
+use super::json::{in_range, list, uint};
 use super::scene::Matrix;
-use super::{Document, top};
+use super::{Document, draco, top};
 use crate::mesh::NO_VALUE;
 
 /// `primitive.mode`
@@ -98,30 +98,29 @@ impl MeshPlan {
         for (p, primitive) in list(mesh, "primitives").at(at)?.iter().enumerate() {
             let at = || Place::Item(format!("meshes[{number}].primitives[{p}]"));
             let accessors = list(json, "accessors").at(top)?;
-            for extension in ["KHR_draco_mesh_compression", "EXT_meshopt_compression"] {
-                // Not required, so the uncompressed data may stand beside it.
-                let position = primitive.pointer("/attributes/POSITION").and_then(as_uint).unwrap_or(u64::MAX);
-                let plain = accessors.get(position as usize).is_some_and(|a| a.get("bufferView").is_some());
-                if primitive.pointer(&format!("/extensions/{extension}")).is_some() && !plain {
-                    return Err(ReadErrorKind::Extension(extension.to_string())).at(at);
-                }
-            }
-            let mode = uint(primitive, "mode").and_then(|m| Mode::parse(m.unwrap_or(4))).at(at)?;
+            let mut mode = uint(primitive, "mode").and_then(|m| Mode::parse(m.unwrap_or(4))).at(at)?;
             let empty = Value::Null;
             let attributes = primitive.get("attributes").unwrap_or(&empty);
+            let packed = draco::unpack(doc, primitive, at, &mut b.budget)?;
+            if packed.is_some() && mode == Mode::TriangleStrip {
+                // Draco gives triangles, whatever they were.
+                mode = Mode::Triangles;
+            }
             // Without positions there is nothing to see; the specification says to skip it.
             let Some(position) = uint(attributes, "POSITION").at(at)? else { continue };
-            let run = match numbers.iter().position(|&n| n == position) {
+            let identity = doc.replaced.get(&position).map_or(position, |r| r.identity);
+            let run = match numbers.iter().position(|&n| n == identity) {
                 Some(run) => run,
                 None => {
                     let a = Accessor::new::<3>(doc, position, &mut b.budget)?;
                     plan.records = plan.records.saturating_add(a.count);
-                    numbers.push(position);
+                    numbers.push(identity);
                     plan.positions.push(a);
                     numbers.len() - 1
                 }
             };
             let indices = match uint(primitive, "indices").at(at)? {
+                _ if packed.is_some() => packed,
                 Some(n) => {
                     in_range(n, accessors.len(), "accessors").at(at)?;
                     let a = Accessor::new::<1>(doc, n, &mut b.budget)?;
@@ -146,6 +145,7 @@ impl MeshPlan {
             let kept = b.appearance.materials.len() as u64;
             let material = material.filter(|m| *m < kept).map_or(NO_VALUE, |m| m as u32);
             let attributes = wanted.sources(doc, attributes, records, b)?;
+            doc.replaced.clear();
             left_out(primitive, b);
             plan.primitives.push(Primitive { mode, positions: run, indices, attributes, material });
         }

@@ -3,6 +3,8 @@
 //! The names are those in use: `nx ny nz`; `s t`, `u v`, `texture_u texture_v`; `red green blue alpha`, also behind a
 //! prefix such as `diffuse_`; `texcoord` and `texnumber` at faces. Any other number of a vertex is a layer of its own.
 
+use std::collections::HashMap;
+
 use super::super::attribute::{Attribute, MAX_LAYERS, Place};
 use super::super::build::Builder;
 use super::header::{Element, Scalar};
@@ -38,7 +40,12 @@ impl VertexPlan {
             VertexPlan { xyz, columns: Vec::new(), used: vec![false; e.properties.len()], unknown: Vec::new() };
         let mut taken = vec![false; e.properties.len()];
         xyz.iter().for_each(|&k| (taken[k], plan.used[k]) = (true, true));
-        let find = |names: &[&str]| -> Option<Vec<usize>> { names.iter().map(|n| e.scalar(n)).collect() };
+        // The first of each name; a header may have very many.
+        let mut places = HashMap::new();
+        for (k, p) in e.properties.iter().enumerate().filter(|(_, p)| p.list.is_none()) {
+            places.entry(p.name).or_insert(k);
+        }
+        let find = |names: &[&str]| -> Option<Vec<usize>> { names.iter().map(|n| places.get(n).copied()).collect() };
         let mut add = |name: &str, kind: LayerKind, properties: Vec<usize>| {
             if properties.iter().any(|&k| taken[k]) {
                 return;
@@ -111,8 +118,9 @@ impl VertexPlan {
                 Some(Scalar::U8) => 255.0,
                 Some(Scalar::U16) => 65535.0,
                 _ => {
-                    attribute.scale_colours();
-                    if attribute.stored != Stored::F64 && !matches!(attribute.stored, Stored::U8 | Stored::U16) {
+                    attribute.scale_colours(&mut b.tally);
+                    let kept = matches!(attribute.stored, Stored::F64 | Stored::U8 | Stored::U16);
+                    if attribute.kind == LayerKind::Color && !kept {
                         attribute.stored = Stored::F32;
                     }
                     continue;

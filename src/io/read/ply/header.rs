@@ -1,9 +1,12 @@
 //! The header of a PLY file: which elements with which properties follow, and in which encoding.
 
+use std::collections::HashSet;
+
 use super::super::build::Kind;
 use super::super::error::{At, Fail, Place, ReadErrorKind, printable};
 use super::super::text::Cursor;
 use super::super::{DISTINCT, REPEATED};
+use crate::io::name;
 
 /// How the body is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,6 +110,10 @@ impl Element<'_> {
 pub(super) struct Header<'a> {
     pub encoding: Encoding,
     pub elements: Vec<Element<'a>>,
+    /// How many vertices are announced.
+    pub vertices: u64,
+    /// The names of all elements.
+    names: HashSet<&'a str>,
     /// Textures named in comments.
     pub textures: Vec<String>,
     /// Whether vertices repeat for their attributes, where a comment of the writer tells.
@@ -122,7 +129,14 @@ pub(super) fn read<'a>(c: &mut Cursor<'a>, bytes: &'a [u8]) -> Result<Header<'a>
     // A binary body may begin with a byte that looks like part of the line end: the first line shows what one is.
     let crlf = c.rest().starts_with(b"\r\n");
     c.end_line();
-    let mut header = Header { encoding: Encoding::Ascii, elements: Vec::new(), textures: Vec::new(), repeats: None };
+    let mut header = Header {
+        encoding: Encoding::Ascii,
+        elements: Vec::new(),
+        vertices: 0,
+        names: HashSet::new(),
+        textures: Vec::new(),
+        repeats: None,
+    };
     let mut encoding = None;
     loop {
         if c.peek().is_none() {
@@ -162,7 +176,7 @@ fn header_line<'a>(
     let syntax = |message: String| Err(ReadErrorKind::Syntax(message));
     match (keyword, words.as_slice()) {
         (b"comment", [b"TextureFile", _, ..]) => {
-            let text = String::from_utf8_lossy(rest);
+            let text = name::from_bytes(rest);
             let name = text.trim().strip_prefix("TextureFile").unwrap_or_default().trim();
             header.textures.push(name.trim_matches('"').to_string());
         }
@@ -183,8 +197,11 @@ fn header_line<'a>(
             let Some(count) = std::str::from_utf8(count).ok().and_then(|t| t.parse().ok()) else {
                 return syntax(format!("{} is not a number of elements; mend the header", printable(count)));
             };
-            if header.elements.iter().any(|e| e.name == name) {
+            if !header.names.insert(name) {
                 return syntax(format!("the element `{name}` is announced twice; mend the header"));
+            }
+            if name == "vertex" {
+                header.vertices = count;
             }
             header.elements.push(Element { name, count, properties: Vec::new(), line });
         }

@@ -4,16 +4,15 @@
 //! the announced count. Every count is held against the bytes that are left before anything is made for it.
 //! Vertices with texture coordinates repeat along seams, so such files are welded by default.
 //!
-//! Properties of vertices become layers (`attributes`), texture coordinates listed at faces one on corners; images stand
-//! in comments `TextureFile`, and `texnumber` of a face counts them.
+//! Properties of vertices become layers (`attributes`), texture coordinates listed at faces one on corners; images
+//! stand in comments `TextureFile`, and `texnumber` of a face counts them.
 
 mod attributes;
+mod fast;
 mod header;
 mod source;
 #[cfg(test)]
 mod tests;
-
-use std::path::Path;
 
 use serde_json::json;
 
@@ -24,12 +23,27 @@ use super::error::{At, Fail, Place, ReadErrorKind};
 use super::text::Cursor;
 use super::warning::{Layer, Warning};
 use super::{ReadMesh, ReadOptions};
+use crate::io::beside::Folder;
 use crate::mesh::{LayerKind, NO_VALUE};
 use attributes::{Columns, FacePlan, VertexPlan};
+use fast::{fast_faces, fast_vertices};
 use header::{Element, Encoding, Header, Scalar};
 use source::{Ascii, Binary, Source};
 
 const LIST_NAMES: [&str; 2] = ["vertex_indices", "vertex_index"];
+
+/// What programs call the ends of an edge.
+const EDGE_NAMES: [[&str; 2]; 9] = [
+    ["vertex1", "vertex2"],
+    ["vertex_1", "vertex_2"],
+    ["vertex0", "vertex1"],
+    ["vertex_0", "vertex_1"],
+    ["v0", "v1"],
+    ["v1", "v2"],
+    ["vertex_a", "vertex_b"],
+    ["start", "end"],
+    ["source", "target"],
+];
 
 /// What an element means.
 enum Role {
@@ -42,13 +56,13 @@ enum Role {
     Other,
 }
 
-pub(super) fn read(bytes: &[u8], base: Option<&Path>, options: &ReadOptions) -> Result<ReadMesh, Fail> {
+pub(super) fn read(bytes: &[u8], folder: Option<&Folder>, options: &ReadOptions) -> Result<ReadMesh, Fail> {
     let mut c = Cursor::new(bytes);
     let header = header::read(&mut c, bytes)?;
     let vertex = header.elements.iter().find(|e| e.name == "vertex");
     let weld = header.repeats.unwrap_or_else(|| vertex.is_some_and(attributes::has_texture_coordinates));
     let mut b = Builder::new(options, weld, bytes.len());
-    textures(&mut b, base, &header.textures)?;
+    textures(&mut b, folder, &header.textures)?;
     match header.encoding {
         Encoding::Ascii => {
             let mut source = Ascii(c);
@@ -65,11 +79,11 @@ pub(super) fn read(bytes: &[u8], base: Option<&Path>, options: &ReadOptions) -> 
 }
 
 /// A material for each texture that the header names.
-fn textures(b: &mut Builder, base: Option<&Path>, names: &[String]) -> Result<(), Kind> {
+fn textures(b: &mut Builder, folder: Option<&Folder>, names: &[String]) -> Result<(), Kind> {
     if b.drop.materials {
         return Ok(());
     }
-    let mut files = Files::new(base);
+    let mut files = Files::new(folder);
     for (number, name) in names.iter().enumerate() {
         let image = files.image(b, name)?;
         let material = json!({
@@ -206,7 +220,10 @@ fn role(b: &mut Builder, element: &Element<'_>) -> Result<Role, Kind> {
         "vertex" => Role::Vertices(VertexPlan::new(b, element, [scalar("x")?, scalar("y")?, scalar("z")?])),
         "face" => Role::Faces(FacePlan::new(b, element, list()?)),
         "tristrips" => Role::Strips(list()?),
-        "edge" => Role::Edges([scalar("vertex1")?, scalar("vertex2")?]),
+        "edge" => match EDGE_NAMES.iter().find_map(|[a, b]| Some([element.scalar(a)?, element.scalar(b)?])) {
+            Some(ends) => Role::Edges(ends),
+            None => Role::Other,
+        },
         _ => Role::Other,
     })
 }
@@ -240,7 +257,7 @@ fn read_element<S: Source>(
         return Ok(());
     }
     let count = element.count as usize;
-    let vertices = header.elements.iter().find(|e| e.name == "vertex").map_or(0, |e| e.count);
+    let vertices = header.vertices;
     match role {
         Role::Vertices(_) => b.expect_records(count).at(in_header)?,
         Role::Faces(_) if element.count > MAX as u64 => {
@@ -423,109 +440,13 @@ fn read_edges<S: Source>(
     Ok(())
 }
 
-/// Vertices of equal size with float coordinates, without a look at each property.
-fn fast_vertices<const BIG: bool>(
-    b: &mut Builder,
-    source: &mut Binary<'_, BIG>,
-    e: &Element<'_>,
-    plan: &VertexPlan,
-) -> Result<bool, Fail> {
-    let Some(stride) = e.stride() else { return Ok(false) };
-    let offset = |i: usize| e.properties[..i].iter().map(|p| p.scalar.size()).sum::<usize>();
-    let at = plan.xyz.map(offset);
-    let start = source.pos;
-    match plan.xyz.map(|i| e.properties[i].scalar) {
-        [Scalar::F32, Scalar::F32, Scalar::F32] => records(b, source, e.count, stride, |r| {
-            at.map(|o| {
-                let x = [r[o], r[o + 1], r[o + 2], r[o + 3]];
-                f64::from(if BIG { f32::from_be_bytes(x) } else { f32::from_le_bytes(x) })
-            })
-        })?,
-        [Scalar::F64, Scalar::F64, Scalar::F64] => records(b, source, e.count, stride, |r| {
-            at.map(|o| {
-                let mut x = [0; 8];
-                x.copy_from_slice(&r[o..o + 8]);
-                if BIG { f64::from_be_bytes(x) } else { f64::from_le_bytes(x) }
-            })
-        })?,
-        _ => return Ok(false),
-    }
-    let all = &source.bytes[start..source.pos];
-    for Columns { layer, properties } in &plan.columns {
-        let values = &mut b.layers[*layer].values;
-        b.budget.reserve(values, e.count as usize * properties.len()).at(|| Place::Byte(start as u64))?;
-        values.resize(e.count as usize * properties.len(), 0.0);
-        for (k, &property) in properties.iter().enumerate() {
-            let column = values.iter_mut().skip(k).step_by(properties.len());
-            attributes::column::<BIG>(column, all, stride, offset(property), e.properties[property].scalar);
-        }
-    }
-    plan.finish(b, e);
-    Ok(true)
-}
-
-#[inline]
-fn records<const BIG: bool>(
-    b: &mut Builder,
-    source: &mut Binary<'_, BIG>,
-    count: u64,
-    stride: usize,
-    position: impl Fn(&[u8]) -> [f64; 3],
-) -> Result<(), Fail> {
-    let start = source.pos;
-    // The count is known to fit.
-    let all = source.take(count as usize * stride).at(|| Place::Byte(start as u64))?;
-    for (i, record) in all.chunks_exact(stride).enumerate() {
-        b.vertex(position(record)).at(|| Place::Byte((start + i * stride) as u64))?;
-    }
-    Ok(())
-}
-
-/// Faces whose list has byte counts and 32-bit numbers, with scalars before and behind it.
-fn fast_faces<const BIG: bool>(
-    b: &mut Builder,
-    source: &mut Binary<'_, BIG>,
-    e: &Element<'_>,
-    list: usize,
-    vertices: u64,
-) -> Result<bool, Fail> {
-    let property = &e.properties[list];
-    let fits = property.list == Some(Scalar::U8) && matches!(property.scalar, Scalar::I32 | Scalar::U32);
-    let lists = e.properties.iter().filter(|p| p.list.is_some()).count();
-    if !fits || lists != 1 {
-        return Ok(false);
-    }
-    let size = |p: &[header::Property<'_>]| p.iter().map(|p| p.scalar.size()).sum::<usize>();
-    let (head, tail) = (size(&e.properties[..list]), size(&e.properties[list + 1..]));
-    let signed = property.scalar == Scalar::I32;
-    let limit = vertices.min(1 << 32);
-    for _ in 0..e.count {
-        let start = source.pos;
-        let place = || Place::Byte(start as u64);
-        let n = source.take(head + 1).at(place)?[head] as usize;
-        let items = source.take(4 * n + tail).at(place)?;
-        for (k, x) in items[..4 * n].chunks_exact(4).enumerate() {
-            let x = [x[0], x[1], x[2], x[3]];
-            let v = if BIG { u32::from_be_bytes(x) } else { u32::from_le_bytes(x) };
-            let at = || Place::Byte((start + head + 1 + 4 * k) as u64);
-            if u64::from(v) >= limit {
-                let index = if signed { i64::from(v as i32) } else { i64::from(v) };
-                return Err(ReadErrorKind::IndexOutOfRange { what: "a face", index, vertices, first: 0 }).at(at);
-            }
-            b.corner(v).at(at)?;
-        }
-        b.end_face().at(place)?;
-    }
-    Ok(true)
-}
-
 /// Name what an element has beside what is read.
 fn report(b: &mut Builder, e: &Element<'_>, role: &Role) {
     let unknown: Vec<String> = match role {
         Role::Vertices(plan) => plan.unknown.clone(),
         Role::Faces(plan) => plan.unknown.clone(),
         Role::Strips(_) => names(e, &LIST_NAMES),
-        Role::Edges(_) => names(e, &["vertex1", "vertex2"]),
+        Role::Edges(ends) => names(e, &ends.map(|k| e.properties[k].name)),
         Role::Other => {
             if e.count > 0 {
                 let element = e.name.to_string();

@@ -159,7 +159,7 @@ fn errors_say_where_what_and_what_to_do() {
     assert_eq!(ascii("-3 0 1 2"), "input, line 13: a list of -3 items; mend the count");
     assert_eq!(
         error(head.replace("1 0 0\n", "1 inf 0\n").as_bytes()),
-        "input, line 11: vertex 1 (counted from 0) has a coordinate that is not a finite number (inf); mend or remove the vertex"
+        "input, line 11: vertex 1 (counted from 0) has a coordinate that is not a finite number (inf); mend or remove the vertex, or drop all such (--invalid drop)"
     );
     assert_eq!(
         error(head.replace("vertex 3", "vertex 300000000000").as_bytes()),

@@ -1,17 +1,15 @@
 //! glTF and GLB: the counts of accessors, and how many different positions there are.
 
 use std::collections::BTreeSet;
-use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
-use std::path::Path;
 
 use serde_json::Value;
 
 use super::super::gltf::meaning;
-use super::super::percent_decode;
 use super::Survey;
 use super::distinct::Distinct;
 use crate::image::jpeg::Working;
+use crate::io::beside::{Folder, open_regular};
 
 /// The most JSON that is parsed for a survey.
 const MOST: u64 = 64 << 20;
@@ -131,14 +129,26 @@ pub(crate) fn drawn_images(materials: &[Value], textures: &[Value]) -> BTreeSet<
 }
 
 /// Survey a document of which the binary chunk, if any, lies in the same stream; other buffers are looked for in `folder`.
-pub(super) fn survey(input: &mut (impl Read + Seek), size: u64, folder: Option<&Path>) -> io::Result<Survey> {
+pub(super) fn survey(input: &mut (impl Read + Seek), size: u64, folder: Option<&Folder>) -> io::Result<Survey> {
     let Some((doc, chunk, length)) = document(input, size)? else {
         return Ok(Survey { unpacked: size, ..Survey::default() });
     };
+    let list = |name: &str| doc.get(name).and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
     let mut outside = 0u64;
     for buffer in doc.get("buffers").and_then(Value::as_array).into_iter().flatten() {
-        if buffer.get("uri").is_some() {
+        // A stand-in for compressed data has no bytes, but those that it stands for will be unpacked.
+        if buffer.get("uri").is_some() || buffer.get("extensions").is_some() {
             outside = outside.saturating_add(int(buffer, "byteLength").unwrap_or(0));
+        }
+    }
+    // What Draco has packed is unpacked beside the mesh: at most sixteen bytes for a value and four for a corner.
+    for primitive in list("meshes").iter().flat_map(|m| m.get("primitives").and_then(Value::as_array)).flatten() {
+        let count = |number: &Value| int(item(&doc, "accessors", number.as_u64()?)?, "count");
+        if primitive.pointer("/extensions/KHR_draco_mesh_compression").is_some() {
+            let values = primitive.get("attributes").and_then(Value::as_object).into_iter().flat_map(|a| a.values());
+            let values = values.filter_map(count).fold(0, u64::saturating_add);
+            let corners = primitive.get("indices").and_then(count).unwrap_or(0);
+            outside = outside.saturating_add(values.saturating_mul(16)).saturating_add(corners.saturating_mul(4));
         }
     }
     let mut s = counts(&doc, |accessor| {
@@ -152,13 +162,11 @@ pub(super) fn survey(input: &mut (impl Read + Seek), size: u64, folder: Option<&
         match item(&doc, "buffers", number)?.get("uri").and_then(Value::as_str) {
             None if number == 0 => different(input, start.checked_add(chunk)?, count, stride).ok(),
             Some(uri) if !uri.starts_with("data:") => {
-                let name = percent_decode(uri).unwrap_or_else(|| uri.to_string());
-                different(&mut File::open(folder?.join(name)).ok()?, start, count, stride).ok()
+                different(&mut open_regular(&folder?.find(uri)?).ok()?.0, start, count, stride).ok()
             }
             _ => None,
         }
     });
-    let list = |name: &str| doc.get(name).and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
     let drawn = drawn_images(list("materials"), list("textures"));
     for (number, image) in list("images").iter().enumerate() {
         let told = int(image, "bufferView").and_then(|view| {
@@ -171,8 +179,7 @@ pub(super) fn survey(input: &mut (impl Read + Seek), size: u64, folder: Option<&
                     Some(Working::of(&mut *input, bytes))
                 }
                 Some(uri) if !uri.starts_with("data:") => {
-                    let name = percent_decode(uri).unwrap_or_else(|| uri.to_string());
-                    let mut file = File::open(folder?.join(name)).ok()?;
+                    let mut file = open_regular(&folder?.find(uri)?).ok()?.0;
                     file.seek(SeekFrom::Start(start)).ok()?;
                     Some(Working::of(&mut BufReader::new(file), bytes))
                 }

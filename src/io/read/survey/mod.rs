@@ -8,12 +8,12 @@ mod distinct;
 mod gltf;
 mod text;
 
-use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
-use super::{DropSet, Format, GZIP, ply};
+use super::{DropSet, Format, Packing, ply};
 use crate::image::jpeg::Working;
+use crate::io::beside::{Folder, open_regular};
 use crate::mesh::LayerKind;
 use distinct::Distinct;
 #[cfg(feature = "ingest")]
@@ -97,7 +97,7 @@ impl Survey {
 /// Bytes that the header of a PLY is looked for in.
 const HEAD: usize = 1 << 16;
 
-/// Survey a file of `format`; gzip is recognized.
+/// Survey a file of `format`; packed files are recognized.
 ///
 /// # Errors
 /// Those of the reader; damaged content is not one.
@@ -110,18 +110,19 @@ pub fn survey(input: impl Read + Seek, format: Format) -> io::Result<Survey> {
 /// # Errors
 /// Those of opening and reading the file.
 pub fn survey_path(path: &Path, format: Format) -> io::Result<Survey> {
-    survey_beside(File::open(path)?, format, Some(path.parent().unwrap_or(Path::new(""))))
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    survey_beside(open_regular(path)?.0, format, Some(&Folder::new(folder, None)))
 }
 
-fn survey_beside(mut input: impl Read + Seek, format: Format, folder: Option<&Path>) -> io::Result<Survey> {
+fn survey_beside(mut input: impl Read + Seek, format: Format, folder: Option<&Folder>) -> io::Result<Survey> {
     let size = input.seek(SeekFrom::End(0))?;
     input.seek(SeekFrom::Start(0))?;
-    let mut magic = Vec::with_capacity(2);
-    (&mut input).take(2).read_to_end(&mut magic)?;
+    let mut magic = Vec::with_capacity(8);
+    (&mut input).take(8).read_to_end(&mut magic)?;
     input.seek(SeekFrom::Start(0))?;
-    if magic == GZIP {
-        let mut unpacked = flate2::read::MultiGzDecoder::new(BufReader::with_capacity(1 << 16, input));
-        // Damaged gzip data ends the survey where it ends reading.
+    if let Some(packing) = Packing::of(&magic) {
+        let mut unpacked = packing.reader(BufReader::with_capacity(1 << 16, input));
+        // Damaged data ends the survey where it ends reading.
         return Ok(stream(&mut unpacked, None, format).unwrap_or(Survey { unpacked: size, ..Survey::default() }));
     }
     match format {
@@ -145,7 +146,7 @@ pub fn survey_head(head: &[u8], size: u64, format: Format) -> Survey {
         Format::Off => 60,
         Format::Gltf | Format::Glb => 48,
     };
-    if head.starts_with(GZIP) {
+    if Packing::of(head).is_some() {
         return usual(per_vertex, 3);
     }
     match format {

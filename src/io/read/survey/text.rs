@@ -118,10 +118,12 @@ pub(super) fn off(input: &mut dyn Read, head: &[u8]) -> io::Result<Survey> {
         if !counted {
             let mut numbers = line.split(|b| *b <= b' ').filter(|w| !w.is_empty());
             let mut first = numbers.next().unwrap_or_default();
-            if let Some(flags) = first.strip_suffix(b"OFF") {
+            if let Some(at) = first.windows(3).position(|w| w.eq_ignore_ascii_case(b"OFF")) {
+                let flags = &first[..at];
                 (normals, colours) = (flags.contains(&b'N'), flags.contains(&b'C'));
-                uvs = flags.starts_with(b"ST");
-                first = numbers.next().unwrap_or_default();
+                uvs = flags.contains(&b'S');
+                // The first count may stand right behind.
+                first = if first.len() > at + 3 { &first[at + 3..] } else { numbers.next().unwrap_or_default() };
             }
             let parse = |w: &[u8]| std::str::from_utf8(w).ok()?.parse::<u64>().ok();
             if let (Some(v), Some(f)) = (parse(first), numbers.next().and_then(parse)) {
@@ -130,6 +132,8 @@ pub(super) fn off(input: &mut dyn Read, head: &[u8]) -> io::Result<Survey> {
                 s.elements = f;
             }
         } else if vertices > 0 {
+            // Colours need not be announced; the other vertices are as the first.
+            colours |= vertices == s.vertices && !normals && !uvs && matches!(words(line), 6 | 7);
             vertices -= 1;
         } else if faces > 0 {
             faces -= 1;

@@ -7,20 +7,22 @@
 //!
 //! Materials are those that faces use, in the order of their first use. Libraries are read when the rest is done.
 
+mod materials;
+mod vertex;
+
 use std::collections::BTreeMap;
-use std::path::Path;
 
-use serde_json::json;
-
-use super::appearance::{Files, shown};
 use super::attribute::{Attribute, Place as Values};
 use super::build::{Builder, Kind, MAX};
 use super::error::{At, Fail, Place, ReadErrorKind, printable};
-use super::mtl;
 use super::text::Cursor;
 use super::warning::{Layer, Warning};
 use super::{ReadMesh, ReadOptions};
+use crate::io::beside::Folder;
+use crate::io::name;
 use crate::mesh::{LayerKind, NO_VALUE, Stored};
+use materials::{MAX_LIBRARIES, load_materials};
+use vertex::{Colours, vertex};
 
 /// The face, line or point with the largest vertex number so far.
 #[derive(Clone, Copy, Default)]
@@ -43,11 +45,13 @@ struct Side {
     width: i64,
     /// The value of each corner, as far as corners have any.
     at: Vec<u32>,
+    /// Corners that name a value before the first.
+    outside: u64,
 }
 
 impl Side {
     fn new(wanted: bool, width: i64) -> Self {
-        Side { wanted, values: Vec::new(), width, at: Vec::new() }
+        Side { wanted, values: Vec::new(), width, at: Vec::new(), outside: 0 }
     }
 
     /// Corner `corner` has the value that stands in the file as `index`; 0 is none.
@@ -62,6 +66,7 @@ impl Side {
             b.budget.grow(&mut self.at, more, "corners")?;
         }
         self.at.resize(corner, NO_VALUE);
+        self.outside += u64::from(value < 0);
         self.at.push(u32::try_from(value).unwrap_or(NO_VALUE));
         Ok(())
     }
@@ -79,8 +84,15 @@ impl Side {
         let mut layer = Attribute::new(name, kind, self.width as u8, Stored::F32);
         layer.values = self.values;
         layer.place = Values::Listed(self.at);
+        layer.outside = self.outside;
         if !layer.values.is_empty() {
             b.layers.push(layer);
+            return;
+        }
+        let Values::Listed(list) = &layer.place else { return };
+        let count = self.outside + list.iter().filter(|i| **i != NO_VALUE).count() as u64;
+        if count > 0 {
+            b.tally.others.push(Warning::MissingValues { layer: name.to_string(), count });
         }
     }
 }
@@ -90,15 +102,14 @@ struct Extras {
     layers: Layers,
     uvs: Side,
     normals: Side,
-    /// Three numbers per record, NaN where there are none; may end early.
-    colours: Vec<f64>,
+    colours: Colours,
     libraries: Vec<String>,
     /// Materials in the order of their first use.
     materials: Vec<String>,
     numbers: BTreeMap<String, u32>,
 }
 
-pub(super) fn read(bytes: &[u8], base: Option<&Path>, options: &ReadOptions) -> Result<ReadMesh, Fail> {
+pub(super) fn read(bytes: &[u8], base: Option<&Folder>, options: &ReadOptions) -> Result<ReadMesh, Fail> {
     let mut b = Builder::new(options, false, bytes.len());
     let mut c = Cursor::new(bytes);
     let mut farthest = Farthest::default();
@@ -107,7 +118,7 @@ pub(super) fn read(bytes: &[u8], base: Option<&Path>, options: &ReadOptions) -> 
         layers: Layers::default(),
         uvs: Side::new(!options.drop.uvs, 2),
         normals: Side::new(!options.drop.normals, 3),
-        colours: Vec::new(),
+        colours: Colours::default(),
         libraries: Vec::new(),
         materials: Vec::new(),
         numbers: BTreeMap::new(),
@@ -165,19 +176,11 @@ pub(super) fn read(bytes: &[u8], base: Option<&Path>, options: &ReadOptions) -> 
         let kind = ReadErrorKind::IndexOutOfRange { what, index, vertices: vertices as u64, first: 1 };
         return Err(Fail { place: Some(Place::Line(line)), kind });
     }
-    let Extras { layers, uvs, normals, mut colours, libraries, materials, .. } = x;
+    let Extras { layers, uvs, normals, colours, libraries, materials, .. } = x;
     layers.report(&mut b);
     uvs.finish(&mut b, "uv", LayerKind::Uv);
     normals.finish(&mut b, "normal", LayerKind::Normal);
-    if !colours.is_empty() {
-        let more = (3 * vertices).saturating_sub(colours.len());
-        b.budget.reserve(&mut colours, more)?;
-        colours.resize(3 * vertices, f64::NAN);
-        let mut layer = Attribute::new("color", LayerKind::Color, 3, Stored::F32).everywhere();
-        (layer.values, layer.gaps) = (colours, true);
-        layer.scale_colours();
-        b.layers.push(layer);
-    }
+    colours.finish(&mut b, vertices)?;
     if let Some((first, line)) = unknown.first {
         b.tally.others.push(Warning::UnknownStatements { count: unknown.count, first, line });
     }
@@ -188,8 +191,8 @@ pub(super) fn read(bytes: &[u8], base: Option<&Path>, options: &ReadOptions) -> 
 }
 
 /// The rest of a line as text.
-fn name(c: &mut Cursor<'_>) -> String {
-    let text = String::from_utf8_lossy(c.rest_of_line()).into_owned();
+fn rest(c: &mut Cursor<'_>) -> String {
+    let text = name::from_bytes(c.rest_of_line());
     c.skip_line();
     text
 }
@@ -201,7 +204,7 @@ fn use_material(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Extras) -> Result<(
         c.skip_line();
         return Ok(());
     }
-    let name = name(c);
+    let name = rest(c);
     let number = match x.numbers.get(&name) {
         _ if name.is_empty() => NO_VALUE,
         Some(&number) => number,
@@ -219,86 +222,10 @@ fn use_material(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Extras) -> Result<(
 /// `mtllib FILE…`
 fn library(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Extras) -> Result<(), Fail> {
     let at = c.place();
-    let name = name(c);
+    let name = rest(c);
     if !b.drop.materials && !name.is_empty() && !x.libraries.contains(&name) && x.libraries.len() < MAX_LIBRARIES {
         b.budget.take(name.len() as u64 + 64).at(|| at)?;
         x.libraries.push(name);
-    }
-    Ok(())
-}
-
-/// Libraries beyond this number are not looked at: a file that names more is no mesh but an attack.
-const MAX_LIBRARIES: usize = 1000;
-
-/// Materials by their names, out of the libraries.
-fn load_materials(
-    b: &mut Builder,
-    base: Option<&Path>,
-    libraries: &[String],
-    materials: &[String],
-) -> Result<(), Kind> {
-    let mut files = Files::new(base);
-    let mut records: BTreeMap<String, mtl::Record> = BTreeMap::new();
-    let mut take = |bytes: &[u8]| {
-        for record in mtl::records(bytes) {
-            records.entry(record.name.clone()).or_insert(record);
-        }
-    };
-    for library in libraries {
-        // Several names stand on one line, or one name with blanks.
-        let whole = library.trim_matches('"');
-        if let Some(bytes) = files.text(b, whole)? {
-            take(&bytes);
-            continue;
-        }
-        let parts: Vec<&str> = library.split_whitespace().collect();
-        for part in &parts {
-            match files.text(b, part)? {
-                Some(bytes) => take(&bytes),
-                None if parts.len() > 1 && !part.to_ascii_lowercase().ends_with(".mtl") => {
-                    files.miss("material library", whole);
-                    break;
-                }
-                None => files.miss("material library", part),
-            }
-        }
-    }
-    let mut undescribed = (0, Vec::new());
-    let mut textures: BTreeMap<(u32, bool), usize> = BTreeMap::new();
-    for name in materials {
-        let Some(record) = records.get(name) else {
-            undescribed.0 += 1;
-            if undescribed.1.len() < 8 {
-                undescribed.1.push(shown(name));
-            }
-            b.appearance.materials.push(json!({ "name": name }).to_string());
-            continue;
-        };
-        let mut asked = Vec::new();
-        let first = textures.len();
-        let texture = |image: u32, clamp: bool| {
-            let next = textures.len();
-            *textures.entry((image, clamp)).or_insert_with(|| {
-                asked.push((image, clamp));
-                next
-            })
-        };
-        let material = mtl::material(record, |file| files.image(b, file), texture)?.to_string();
-        b.budget.take(2 * material.len() as u64)?;
-        b.appearance.materials.push(material);
-        debug_assert_eq!(first + asked.len(), textures.len());
-        for (image, clamp) in asked {
-            let texture = if clamp { json!({"source": image, "sampler": 0}) } else { json!({ "source": image }) };
-            if clamp && b.appearance.samplers.is_empty() {
-                b.appearance.samplers.push(json!({"wrapS": 33071, "wrapT": 33071}).to_string());
-            }
-            b.appearance.textures.push(texture.to_string());
-        }
-    }
-    files.report(b);
-    let (count, names) = undescribed;
-    if count > 0 {
-        b.tally.others.push(Warning::UnknownMaterials { count, names });
     }
     Ok(())
 }
@@ -338,50 +265,6 @@ impl Layers {
             }
         }
     }
-}
-
-/// `v x y z [w] [r g b]`
-#[inline]
-fn vertex(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Extras) -> Result<(), Fail> {
-    let mut p = [0.0; 3];
-    for x in &mut p {
-        c.skip_blanks_continued();
-        *x = c.float("a coordinate").at(|| c.place())?;
-    }
-    b.vertex(p).at(|| c.place())?;
-    c.skip_blanks_continued();
-    if !c.at_line_end() && c.peek() != Some(b'#') {
-        extra(b, c, x)?;
-    }
-    c.skip_line_continued();
-    Ok(())
-}
-
-/// What follows the three coordinates: one number is a weight, three and more hold a colour.
-fn extra(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Extras) -> Result<(), Fail> {
-    let (mut count, mut first, mut last) = (0, 1.0, [0.0; 3]);
-    while !c.at_line_end() && c.peek() != Some(b'#') {
-        let value = c.float("a number or the end of the line").at(|| c.place())?;
-        if count == 0 {
-            first = value;
-        }
-        count += 1;
-        last = [last[1], last[2], value];
-        c.skip_blanks_continued();
-    }
-    if count >= 3 && !b.drop.colors {
-        let at = 3 * (b.records() - 1);
-        let more = at + 3 - x.colours.len();
-        if at + 3 > x.colours.capacity() {
-            b.budget.grow(&mut x.colours, more, "colours").at(|| c.place())?;
-        }
-        x.colours.resize(at, f64::NAN);
-        x.colours.extend(last);
-    }
-    if matches!(count, 1 | 2 | 4) && first != 1.0 {
-        x.layers.add(Layer::VertexWeights);
-    }
-    Ok(())
 }
 
 /// `vt u [v [w]]`
@@ -515,122 +398,4 @@ fn line(b: &mut Builder, c: &mut Cursor<'_>, x: &mut Extras, farthest: &mut Fart
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::{Format, ReadMesh, ReadOptions, Warning, read_bytes};
-
-    fn obj(text: &str) -> ReadMesh {
-        read_bytes(text.as_bytes(), Format::Obj, None, &ReadOptions::default()).unwrap()
-    }
-
-    fn error(text: &str) -> String {
-        read_bytes(text.as_bytes(), Format::Obj, None, &ReadOptions::default()).unwrap_err().to_string()
-    }
-
-    fn faces(m: &ReadMesh) -> Vec<Vec<u32>> {
-        m.mesh.faces().map(<[u32]>::to_vec).collect()
-    }
-
-    #[test]
-    fn polygons_lines_points_and_continuations() {
-        let m = obj(
-            "# a comment \\\nstill a comment\r\nmtllib a.mtl\r\no thing\nv 0 0 0\nv 1 0 \\\r\n0\nv 1 1 0 1.0\n\
-             v 0 1 0 0.5 0.5 0.5\nv .5 1.5e0 0 # top\nvt 0 0\nvn 0 0 1\ng a b\nusemtl m\nf 1/1/1 2//1 3/1 5 4 # a face\n\
-             f -5 -4 \\\n -1\nl 1 3 5\np 2 3\nf 1 1 2\n\tf 1 2\nf 3\nf 4 4\n  f  5 4 3",
-        );
-        assert_eq!(m.mesh.positions.len(), 5);
-        assert_eq!(m.mesh.positions[4], [0.5, 1.5, 0.0]);
-        let expected: [&[u32]; 7] = [&[0, 1, 2, 4, 3], &[0, 1, 4], &[0, 2], &[2, 4], &[0, 0, 1], &[0, 1], &[4, 3, 2]];
-        assert_eq!(faces(&m), expected);
-        assert_eq!(m.map, [0, 1, 2, 3, 4]);
-        let texts: Vec<_> = m.warnings.iter().map(ToString::to_string).collect();
-        assert_eq!(
-            texts,
-            [
-                "2 faces with fewer than three corners were read as edges or points",
-                "1 edge from a vertex to itself was read as a point",
-                "texture coordinates are not carried (1 record left out)",
-                "normals are not carried (1 record left out)",
-                "colours are not carried (1 record left out)",
-                "names of groups and objects are not carried (2 records left out)",
-                "1 material library not found: a.mtl",
-                "1 material is used but not described; the name is kept: m",
-                "1 face has values of `uv` at some corners only; they were left out",
-                "1 face has values of `normal` at some corners only; they were left out",
-                "2 faces have values of `color` at some corners only; they were left out",
-            ]
-        );
-    }
-
-    #[test]
-    fn forward_references_and_old_line_ends() {
-        let m = obj("f 1 2 3\rv 0 0 0\rv 1 0 0\rv 0 1 0\r");
-        assert_eq!(faces(&m), [[0, 1, 2]]);
-        assert!(m.warnings.is_empty());
-    }
-
-    #[test]
-    fn empty_files_and_unknown_statements() {
-        assert_eq!(obj("").mesh.vertex_count(), 0);
-        assert_eq!(obj("# nothing\n").mesh.vertex_count(), 0);
-        let m = obj("v 0 0 0\nfrob 1\nfrob 2\n");
-        let first = "frob".to_string();
-        assert_eq!(m.warnings, [Warning::UnknownStatements { count: 2, first, line: 2 }]);
-        assert_eq!(
-            m.warnings[0].to_string(),
-            "2 lines with an unknown statement skipped (the first: `frob` on line 2)"
-        );
-    }
-
-    #[test]
-    fn welding_on_demand() {
-        let options = ReadOptions { weld: Some(true), ..Default::default() };
-        let text = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 0\nf 4 2 3\nl 1 4\nl 1 2";
-        let m = read_bytes(text, Format::Obj, None, &options).unwrap();
-        assert_eq!(faces(&m), [vec![0, 1, 2], vec![0, 1]]);
-        assert_eq!(m.map, [0, 1, 2, 0]);
-        assert_eq!(m.warnings, [Warning::PointEdges { count: 1 }]);
-    }
-
-    #[test]
-    fn errors_say_where_what_and_what_to_do() {
-        let v = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
-        assert_eq!(
-            error(&format!("{v}f 1 2 9\n")),
-            "input, line 4: a face names vertex 9, but the file has 3 vertices, numbered from 1; mend the index or add the vertex"
-        );
-        assert_eq!(
-            error(&format!("{v}f 1 2 0\n")),
-            "input, line 4: a face names vertex 0, but the file has 3 vertices, numbered from 1; mend the index or add the vertex"
-        );
-        assert_eq!(
-            error(&format!("{v}l 1 -4\n")),
-            "input, line 4: a line names vertex -4, but the file has 3 vertices, numbered from 1; mend the index or add the vertex"
-        );
-        assert_eq!(
-            error("v 0 0 0\nv 0 nan 1\n"),
-            "input, line 2: vertex 1 (counted from 0) has a coordinate that is not a finite number (NaN); mend or remove the vertex"
-        );
-        assert_eq!(
-            error("v 0 0 1e999\n"),
-            "input, line 1: vertex 0 (counted from 0) has a coordinate that is not a finite number (inf); mend or remove the vertex"
-        );
-        assert_eq!(error("v 0 0\n"), "input, line 1: the line ends where a coordinate belongs; complete it");
-        assert_eq!(error("v 0 0 zero\n"), "input, line 1: \"zero\" stands where a coordinate belongs; mend it");
-        assert_eq!(
-            error(&format!("{v}f 1 2 x\n")),
-            "input, line 4: \"x\" stands where a vertex number belongs; mend it"
-        );
-        assert_eq!(
-            error(&format!("{v}f 1 2 3x\n")),
-            "input, line 4: \"x\" stands where the end of a vertex number belongs; mend it"
-        );
-        assert_eq!(
-            error("v 0 0"),
-            "input, line 1: the file ends inside a line, before a coordinate; it was cut, fetch it again"
-        );
-        assert_eq!(
-            error("\u{7f}ELF hello\n"),
-            "input: this is not an OBJ file: \"\\x7fELF hello\" stands where a line such as `v 0 0 0` belongs; check the file or name its true format"
-        );
-    }
-}
+mod tests;
