@@ -195,12 +195,11 @@ class LayerSplit:
             return [None] * len(self.around.spokes)
         rc, models = self.rc, self.models
         places = {id(element): self.places(element) for element in self.inserted}
-        torn, dangling = 0, 0
+        first_dangling = next((element for element in self.all if element.apex is None), None)
+        torn = 0
         for element in self.inserted:
-            if element.apex is None:
-                dangling += 1
-            if len(places[id(element)]) != 1 and (element.apex is not None or dangling == 1):
-                torn += 1
+            counts = element.apex is not None or element is first_dangling
+            torn += counts and len(places[id(element)]) != 1
         crowd = len(self.groups)
         if crowd >= 2:
             crowd = 2 if crowd < len(self.around.spokes) else 3

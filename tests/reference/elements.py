@@ -121,13 +121,11 @@ def read_elements(rc, positions, corners_declared):
                     break
                 if guess in found:
                     found.remove(guess)
+            if corner is None and rc.bit(m_found, index):
+                rank = rc.golomb(m_rank, index)
+                corner = found[rank] if rank < len(found) else None
             if corner is None:
-                if rc.bit(m_found, index):
-                    rank = rc.golomb(m_rank, index)
-                    require(rank < len(found), "a candidate that is not there")
-                    corner = found[rank]
-                else:
-                    corner = rc.uniform(n, "corner")
+                corner = rc.uniform(n, "corner")
             require(corner not in element, "a corner is named twice")
             element.append(corner)
         if degree >= 3:

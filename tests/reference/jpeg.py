@@ -336,13 +336,12 @@ def apply_recipe(recipe, progressive):
             blocks = [block for c in frame.components for block in c.blocks]
             at = 0
             for _ in range(int.from_bytes(read(4), "little")):
-                shift = 0
-                while True:
+                for count in range(5):
                     byte = read(1)[0]
-                    at += (byte & 127) << shift
-                    shift += 7
+                    at += (byte & 127) << (7 * count)
                     if byte < 128:
                         break
+                require(byte < 128, "a distance is spelt in too many bytes")
                 require(at < 64 * len(blocks), "a coefficient that is not there")
                 blocks[at // 64][at % 64] = int.from_bytes(read(2), "little", signed=True)
         else:
