@@ -1,5 +1,5 @@
 """What `tests/golden/v1/list.txt` says of a file: counts, and a checksum of all that it decodes to, as
-`tests/golden.rs` sums it up."""
+`tests/suite/common/outcome.rs` sums it up."""
 
 import struct
 import zlib
