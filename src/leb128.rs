@@ -1,4 +1,4 @@
-//! LEB128: a number in pieces of seven bits, the lowest first, each number in one spelling (`FORMAT.md`, conventions).
+//! LEB128: a number in pieces of seven bits, the lowest first, each number in one spelling (`docs/format`, conventions).
 
 /// A number that is written in too many bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -17,6 +17,7 @@ mod ingest;
 mod ingest_store;
 mod levels;
 mod pictures;
+mod reference;
 mod round_trip;
 mod schedule;
 mod soups;

@@ -4,6 +4,8 @@
 pub mod bucket;
 pub mod datasets;
 pub mod distance;
+#[cfg(feature = "samples")]
+pub mod outcome;
 pub mod picture;
 pub mod repair;
 pub mod small;
