@@ -16,6 +16,7 @@ mod hostile_files;
 mod ingest;
 mod ingest_store;
 mod levels;
+mod library;
 mod pictures;
 mod reference;
 mod round_trip;

@@ -1,5 +1,5 @@
 //! Any bytes as a stream with valid checksums, and what a decoder has to hold to: shared by the fuzz target `decode`
-//! and the encode_levels of its findings. Without the repair no fuzzer would get past the first checksum.
+//! and the replay of its findings. Without the repair no fuzzer would get past the first checksum.
 
 use lodestream::format::container::{FileIndex, Parsed};
 use lodestream::format::decoder::{DecodeOptions, Decoder, Step};
