@@ -18,6 +18,7 @@ mod ingest_store;
 mod levels;
 mod pictures;
 mod reference;
+mod rooms;
 mod round_trip;
 mod schedule;
 mod soups;
