@@ -11,7 +11,9 @@ function decoded(path) {
     const { memory, alloc, decode, result } = new WebAssembly.Instance(compiled).exports;
     const file = readFileSync(path);
     try {
-        new Uint8Array(memory.buffer, alloc(file.length), file.length).set(file);
+        // Each call may move the memory's buffer.
+        const at = alloc(file.length);
+        new Uint8Array(memory.buffer, at, file.length).set(file);
         const length = decode();
         return new TextDecoder().decode(new Uint8Array(memory.buffer, result(), length));
     } catch (error) {
