@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use super::error::{DeviceError, line};
-use super::shader;
+use super::layout;
 use crate::encode::cost::DeviceChoice;
 
 /// What kind of device it is, the best first.
@@ -196,13 +196,13 @@ impl Device {
             (
                 "the number of buffers a kernel sees",
                 u64::from(limits.max_storage_buffers_per_shader_stage),
-                shader::BUFFERS as u64,
+                layout::BUFFERS as u64,
             ),
             ("the size of a bound buffer", limits.max_storage_buffer_binding_size, LEAST_BINDING),
             (
                 "the size of a workgroup",
                 u64::from(limits.max_compute_invocations_per_workgroup),
-                u64::from(shader::GROUP),
+                u64::from(layout::GROUP),
             ),
         ] {
             if has < needs {

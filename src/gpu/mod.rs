@@ -5,7 +5,7 @@
 //! account, and every wait has a deadline.
 //!
 //! - [`device`](Device): choosing and opening one; limits; errors that arrive out of turn.
-//! - `shader`: the texts in `shaders/*.wgsl`, put together; their layout, which a test compares with Rust's.
+//! - `layout`, `shader`: the texts in `shaders/*.wgsl`, put together; their layout, which a test compares with Rust's.
 //! - `buffers`: memory on the device, and dispatches whose results come back by deadline.
 //! - `stars`, `resident`, `window`: a level as the kernels read it; how it stays on the device from batch to batch; what is
 //!   done where it does not fit.
@@ -17,6 +17,7 @@ mod buffers;
 mod device;
 mod error;
 mod hausdorff;
+mod layout;
 mod resident;
 mod seams;
 mod shader;

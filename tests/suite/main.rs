@@ -19,6 +19,7 @@ mod levels;
 mod library;
 mod pictures;
 mod reference;
+mod rooms;
 mod round_trip;
 mod schedule;
 mod soups;

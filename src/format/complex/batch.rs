@@ -4,7 +4,10 @@
 //! triangle and dangling edge that appears. What the fans make implicit is the codec's business, not the operator's.
 //! Invariants: `vertex` is strictly increasing; no element of the coarser level names two split vertices.
 
-use super::attributes::AttributeBatch;
+/// No vertex.
+pub const NONE: u32 = u32::MAX;
+/// Marks an element that a batch inserts.
+pub const NEW: u32 = 1 << 31;
 
 /// What becomes of an element around a vertex `v` that splits into `v1` and `v2`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -180,5 +183,48 @@ impl Batch {
     /// The triangles of split `i`.
     pub fn triangles_of(&self, i: usize) -> &[Inserted] {
         &self.triangles[self.triangle_start[i] as usize..self.triangle_start[i + 1] as usize]
+    }
+}
+
+/// What a batch does to a layer.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct WedgeBatch {
+    /// For each entry of [`Batch::sides`] the wedge that the corner gets; for an element that grows, the wedge at the first child.
+    pub star: Vec<u32>,
+    /// For elements that grow: entry of [`Batch::sides`] and the wedge at the second child.
+    pub grown: Vec<(u32, u32)>,
+    /// For each element that appears (a split's triangles before its dangling edges) the wedges at the first child, the second, the apex.
+    pub inserted: Vec<[u32; 3]>,
+    /// Wedges of the coarser level that change their values.
+    pub changed: Vec<u32>,
+    /// Their values.
+    pub changed_values: Vec<i32>,
+    /// The values of the new wedges, which are named `NEW | i` until they join the level.
+    pub fresh: Vec<i32>,
+}
+
+/// What a batch does to the attributes.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct AttributeBatch {
+    /// Layer by layer.
+    pub layers: Vec<WedgeBatch>,
+    /// The labels of the elements that appear; empty where all have label 0.
+    pub labels: Vec<u16>,
+}
+
+impl AttributeBatch {
+    /// Append what `other` says, whose splits come behind. `sides` is how many sides came before; `widths` are those of the layers.
+    pub(super) fn append(&mut self, other: &AttributeBatch, sides: usize, widths: &[usize]) {
+        self.labels.extend_from_slice(&other.labels);
+        for ((mine, its), &width) in self.layers.iter_mut().zip(&other.layers).zip(widths) {
+            let base = (mine.fresh.len() / width.max(1)) as u32;
+            let name = |w: u32| if w != NONE && w & NEW != 0 { w + base } else { w };
+            mine.star.extend(its.star.iter().map(|&w| name(w)));
+            mine.grown.extend(its.grown.iter().map(|&(i, w)| (i + sides as u32, name(w))));
+            mine.inserted.extend(its.inserted.iter().map(|t| t.map(name)));
+            mine.changed.extend_from_slice(&its.changed);
+            mine.changed_values.extend_from_slice(&its.changed_values);
+            mine.fresh.extend_from_slice(&its.fresh);
+        }
     }
 }

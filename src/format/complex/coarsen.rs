@@ -7,9 +7,8 @@
 //! Invariants asked of the caller: no element and no edge touches two of the edges; no element holds both ends of an
 //! edge other than in consecutive corners ([`legal`]).
 
-use super::batch::{Batch, Inserted, Side, Split};
+use super::batch::{Batch, Inserted, NONE, Side, Split};
 use super::placement::{compensation, midpoint};
-use super::refine::NONE;
 use super::{Faces, Level, Star};
 
 /// Whether the collapse of `(a, b)` is one that a split can undo: every element that holds both holds them in

@@ -14,12 +14,10 @@ mod star;
 #[cfg(test)]
 pub(crate) mod tests;
 
-pub use attributes::{
-    AttributeBatch, Attributes, MAX_WEDGES, WedgeBatch, Wedges, first_of_middle, middle, refine_attributes, touched,
-};
-pub use batch::{Batch, Inserted, Side, Split};
+pub use attributes::{Attributes, MAX_WEDGES, Wedges, first_of_middle, middle, refine_attributes, touched};
+pub use batch::{AttributeBatch, Batch, Inserted, NEW, NONE, Side, Split, WedgeBatch};
 pub use coarsen::{Coarsened, Placement, coarsen, legal};
 pub use level::{Faces, Level};
-pub use refine::{NEW, NONE, Refined, Wanted, refine};
+pub use refine::{Refined, Wanted, refine};
 pub use scheme::{MAX_LAYERS, Scheme};
 pub use star::{BIG, Star};

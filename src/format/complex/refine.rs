@@ -5,7 +5,7 @@
 //! element of its star, so that neighbours in space stay neighbours in memory. Runs of elements and of splits are worked on
 //! in parallel; what comes out does not depend on it.
 
-use super::batch::{Batch, Side};
+use super::batch::{Batch, NEW, NONE, Side};
 use super::placement::{children, compensation};
 use super::{Faces, Level, Star};
 use crate::parallel;
@@ -37,11 +37,6 @@ pub struct Wanted {
     /// Where its elements come from.
     pub element: bool,
 }
-
-/// No vertex.
-pub const NONE: u32 = u32::MAX;
-/// Marks an element that a batch inserts.
-pub const NEW: u32 = 1 << 31;
 
 /// Elements, or splits, that one task works on.
 const RUN: usize = 1 << 14;

@@ -1,8 +1,7 @@
 //! What the front of a file says about its attributes: the layers, how they are quantized, and the labels of elements.
 
 use super::error::{ContainerError, Place, inconsistent};
-use super::header::{LevelInfo, MAX_COUNT};
-use super::table::{Number, count, float, raw};
+use super::number::{MAX_COUNT, Number, count, float, raw};
 use crate::format::attributes::VALUE_LIMIT;
 use crate::format::coder::range::Coder;
 use crate::format::complex::MAX_WEDGES;
@@ -76,9 +75,10 @@ impl AttributeHeader {
         self.layers.is_empty() && self.labels.len() < 2
     }
 
-    pub(super) fn validate(&self, full: LevelInfo) -> Result<(), ContainerError> {
+    /// Whether it makes sense for a full level of so many elements and corners.
+    pub(super) fn validate(&self, elements: u32, corners: u32) -> Result<(), ContainerError> {
         let fail = |what| inconsistent(Place::Header, what);
-        if !self.is_bare() && full.elements > MAX_ELEMENTS {
+        if !self.is_bare() && elements > MAX_ELEMENTS {
             return fail("more than 2^31 elements with attributes");
         }
         if self.layers.len() > MAX_LAYERS {
@@ -91,7 +91,7 @@ impl AttributeHeader {
             if l.name.len() > MAX_NAME || !(1..=MAX_WIDTH).contains(&l.width) {
                 return fail("a layer with too long a name or a width outside 1 to 4");
             }
-            if l.wedges as usize > MAX_WEDGES || l.wedges > full.corners {
+            if l.wedges as usize > MAX_WEDGES || l.wedges > corners {
                 return fail("more wedges than corners");
             }
             let fits = match (l.quantizer, l.kind) {

@@ -1,6 +1,6 @@
 //! Why the frame of a `.lods` file is refused.
 
-use super::chunk::Kind;
+use super::kind::Kind;
 use std::fmt;
 use thiserror::Error;
 

@@ -2,13 +2,11 @@
 
 use super::attributes::AttributeHeader;
 use super::error::{ContainerError, Place, inconsistent};
+use super::number::MAX_COUNT;
 use crate::mesh::lattice::{COORDINATE_LIMIT, Lattice};
 
 /// The most levels of a file, so that a hostile front cannot make a reader fill its memory with rows.
 pub const MAX_LEVELS: usize = 1 << 16;
-
-/// The largest count of vertices, elements or corners: 32-bit numbers hold them and one value beyond.
-pub const MAX_COUNT: u32 = u32::MAX - 1;
 
 /// The largest shift of a level.
 pub const MAX_SHIFT: u8 = 24;
@@ -174,7 +172,7 @@ impl Header {
         if !fits(full.elements, elements) || !fits(full.corners, corners) {
             return header("a count beyond 2^32 - 2");
         }
-        self.attributes.validate(full)
+        self.attributes.validate(full.elements, full.corners)
     }
 }
 

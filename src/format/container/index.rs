@@ -5,9 +5,10 @@
 //! body: required features, LEB128 | optional features, LEB128 | chunks, LEB128 | CRC-32 of each chunk, 4 | tables, range coded
 //! ```
 
-use super::chunk::{Chunk, ChunkInfo, Kind, check_order, memory_amount, memory_code};
+use super::chunk::{Chunk, ChunkInfo, check_order, memory_amount, memory_code};
 use super::error::{ContainerError, Place, inconsistent};
 use super::header::Header;
+use super::kind::Kind;
 use super::{
     KNOWN_REQUIRED, MAGIC, MAX_BODY, MEMORY_PER_CORNER, MEMORY_PER_ELEMENT, MEMORY_PER_EXTRA_VALUE,
     MEMORY_PER_LAYER_CORNER, MEMORY_PER_NEW_VERTEX, MEMORY_PER_VERTEX, MEMORY_PER_WEDGE_COMPONENT, VERSION, table,

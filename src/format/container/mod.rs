@@ -16,6 +16,8 @@ mod chunk;
 mod error;
 mod header;
 mod index;
+mod kind;
+mod number;
 mod preview;
 mod reader;
 mod table;
@@ -23,12 +25,14 @@ mod table;
 mod tests;
 
 pub use attributes::{AttributeHeader, Label, LayerHeader, MAX_LABELS, MAX_NAME};
-pub use chunk::{Chunk, ChunkInfo, FIRST_OPTIONAL_KIND, KIND_PREVIEW, KIND_SOURCE, Kind};
+pub use chunk::{Chunk, ChunkInfo};
 pub use error::{ContainerError, Place};
-pub use header::{DegenerateCounts, ErrorBound, Header, LevelInfo, MAX_COUNT, MAX_LEVELS, MAX_SHIFT};
+pub use header::{DegenerateCounts, ErrorBound, Header, LevelInfo, MAX_LEVELS, MAX_SHIFT};
 pub use index::{FileIndex, Parsed, with_chunk, write, write_front};
 #[cfg(feature = "encode")]
 pub(crate) use index::{front_of, write_borrowed};
+pub use kind::{FIRST_OPTIONAL_KIND, KIND_PREVIEW, KIND_SOURCE, Kind};
+pub use number::MAX_COUNT;
 pub use preview::Preview;
 pub use reader::{Event, Reader};
 

@@ -1,8 +1,9 @@
 //! A reader for bytes that arrive over time.
 
-use super::chunk::{ChunkInfo, Kind};
+use super::chunk::ChunkInfo;
 use super::error::ContainerError;
 use super::index::{FileIndex, Parsed, verify};
+use super::kind::Kind;
 use std::sync::Arc;
 
 /// Takes the bytes of a file in pieces of any size and hands out its chunks in order, each verified.

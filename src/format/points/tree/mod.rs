@@ -348,10 +348,11 @@ impl Models {
         let open_faces = split.faces.map(|m| count(m & around.open));
         let open = split.touch.map(|m| count(m & around.open));
         let axis = split.axis;
-        let faces6: usize = [4usize, 10, 12, 14, 16, 22]
+        // A byte, so that its order of bits does not depend on the machine.
+        let faces6: u8 = [4, 10, 12, 14, 16, 22]
             .into_iter()
             .enumerate()
-            .map(|(k, bit)| (around.cells as usize >> bit & 1) << k)
+            .map(|(k, bit)| ((around.cells >> bit & 1) as u8) << k)
             .sum();
         let own: [i64; 3] = match s {
             0 => [0; 3],
@@ -369,7 +370,7 @@ impl Models {
                 ((class * 6 + a) * 6 + b) * 9 + 3 * c.max(d) + c.min(d),
                 (class * 16 + count(around.known).min(31) / 2) * 16 + (around.cells.count_ones() as usize).min(15),
                 (n.min(31) as usize) * 27 + plane as usize,
-                s * 64 + faces6,
+                s * 64 + faces6 as usize,
                 expected.map_or(0, |(e, v)| {
                     1 + (links::place_class(e).abs_diff(10) * 14 + links::spread_class(v)) * 8 + class
                 }),
@@ -404,7 +405,7 @@ impl Models {
                 + open[g].div_ceil(4).min(2))
                 * 3
                 + axis,
-            s * 64 + if flip == 1 { faces6.reverse_bits() >> 58 & 63 } else { faces6 },
+            s * 64 + if flip == 1 { faces6.reverse_bits() >> 2 } else { faces6 } as usize,
             plane as usize * 7 + s,
             plane_context,
             ratio_context,
