@@ -18,6 +18,7 @@ use rayon::ThreadPool;
 use serde::Serialize;
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -306,8 +307,10 @@ fn compute(
         drop: job.settings.drop,
         allow_empty: job.settings.allow_empty,
         invalid: job.settings.invalid,
-        // What comes from a store has been put where nothing else is.
-        asset_root: job.settings.asset_root.clone().filter(|_| matches!(job.object, Object::Local(_))),
+        asset_root: match job.object {
+            Object::Local(_) => job.settings.asset_root.clone(),
+            Object::Stored(..) => beside.held().map(Path::to_path_buf),
+        },
     };
     read::check_packing(job.object.path(), &bytes, name).map_err(read_failure)?;
     let mut read = read::read_bytes(&bytes, format, beside.folder.as_deref(), &options)

@@ -48,7 +48,7 @@ pub(super) struct Sidecars {
     /// SHA-256 of the source and of these files, see `docs/format/source-stamp.md`.
     pub checksum: [u8; 32],
     /// Where they were put, if the source lies in a store.
-    _held: Option<tempfile::TempDir>,
+    held: Option<tempfile::TempDir>,
 }
 
 impl Sidecars {
@@ -68,7 +68,7 @@ impl Sidecars {
                 let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
                 Place::Folder(folder.into(), Folder::new(folder, root))
             }
-            Object::Stored(store, key) => Place::Store { store, key, held: None },
+            Object::Stored(store, key) => Place::Store { store, key, held: None, root: root.and_then(Path::to_str) },
         };
         let mut parts = Vec::new();
         let (mut bytes, mut images, mut working) = (0, 0, Working::default());
@@ -105,12 +105,17 @@ impl Sidecars {
             }
         }
         let checksum = if parts.is_empty() { source_checksum(document) } else { checksum_with(document, &parts) };
-        let (folder, _held) = match place {
+        let (folder, held) = match place {
             Place::Folder(folder, _) => (Some(folder), None),
             Place::Store { key, held: Some(held), .. } => (Some(held.path().join(folder_of(key))), Some(held)),
             Place::Store { .. } => (None, None),
         };
-        Ok(Sidecars { bytes, images, working, folder, checksum, _held })
+        Ok(Sidecars { bytes, images, working, folder, checksum, held })
+    }
+
+    /// The folder of all that came from a store: nothing else is in it.
+    pub fn held(&self) -> Option<&Path> {
+        self.held.as_ref().map(tempfile::TempDir::path)
     }
 }
 
@@ -127,7 +132,7 @@ type Known = BTreeMap<PathBuf, (u64, [u8; 32])>;
 /// Where the source lies.
 enum Place<'a> {
     Folder(PathBuf, Folder),
-    Store { store: &'a Store, key: &'a str, held: Option<tempfile::TempDir> },
+    Store { store: &'a Store, key: &'a str, held: Option<tempfile::TempDir>, root: Option<&'a str> },
 }
 
 impl Place<'_> {
@@ -138,7 +143,7 @@ impl Place<'_> {
                 let (bytes, checksum) = known.get(&path).copied().or_else(|| hash_file(&path).ok())?;
                 Some(Part { path, bytes, checksum })
             })),
-            Place::Store { store, key, held } => {
+            Place::Store { store, key, held, root: wanted } => {
                 let temporary = |e: io::Error| Failure::writing("a temporary file", &e);
                 let folder = folder_of(key);
                 if held.is_none() {
@@ -154,8 +159,9 @@ impl Place<'_> {
                 let mut tried = Vec::new();
                 let candidates = [name, &slashes, last];
                 // As on a disk: nothing outside of the folder of the source.
+                let allowed = wanted.map_or(folder, |root| root.trim_matches('/'));
                 let within =
-                    |key: &String| folder.is_empty() || key.strip_prefix(folder).is_some_and(|k| k.starts_with('/'));
+                    |key: &String| allowed.is_empty() || key.strip_prefix(allowed).is_some_and(|k| k.starts_with('/'));
                 for key in candidates.iter().filter_map(|c| resolve(folder, c)).filter(within) {
                     if tried.contains(&key) {
                         continue;

@@ -150,12 +150,12 @@ fn what_lies_beside_a_source_comes_along_and_large_outputs_are_complete_before_t
         std::fs::write(path, &bytes).unwrap();
         bucket.put(&format!("raw/{name}"), bytes);
     }
-    crate::common::lodestream(folder.folder(), "ingest raw -o out").ok();
+    crate::common::lodestream(folder.folder(), "ingest raw -o out --asset-root raw").ok();
     let local = std::fs::read(folder.path("out/rocks/rock.lods")).unwrap();
     assert!(local.len() > 66 << 20, "the image is in the output: {} bytes", local.len());
 
     bucket.fault(Fault::Part(2, 500));
-    let run = ingest(&bucket, "ingest s3://scans/raw -o s3://scans/out --retries 1 --retry-within 3");
+    let run = ingest(&bucket, "ingest s3://scans/raw -o s3://scans/out --asset-root raw --retries 1 --retry-within 3");
     assert_eq!(run.code, 3, "{}", run.stderr);
     assert!(run.stderr.contains("s3://scans/out/rocks/rock.lods: the store failed"), "{}", run.stderr);
     assert!(outputs(&bucket, "out/").is_empty(), "a part of an output is to be seen");
@@ -163,7 +163,7 @@ fn what_lies_beside_a_source_comes_along_and_large_outputs_are_complete_before_t
 
     bucket.heal();
     let before = bucket.requests().len();
-    let run = ingest(&bucket, "ingest s3://scans/raw -o s3://scans/out --resume --verify").ok();
+    let run = ingest(&bucket, "ingest s3://scans/raw -o s3://scans/out --asset-root raw --resume --verify").ok();
     assert!(run.stdout.contains("1: 1 done"), "{}", run.stdout);
     assert!(outputs(&bucket, "out/")["rocks/rock.lods"] == local, "the bucket gives other bytes than the folder");
     assert_eq!(bucket.open_uploads(), 0);
@@ -171,13 +171,13 @@ fn what_lies_beside_a_source_comes_along_and_large_outputs_are_complete_before_t
     let writes: Vec<&str> =
         requests.iter().filter(|r| r.starts_with('P')).map(|r| &r[..r.find(' ').unwrap()]).collect();
     assert_eq!(writes, ["POST", "PUT", "PUT", "PUT", "POST"], "begun, three parts, completed last: {requests:?}");
-    let run = ingest(&bucket, "ingest s3://scans/raw -o s3://scans/out --resume").ok();
+    let run = ingest(&bucket, "ingest s3://scans/raw -o s3://scans/out --asset-root raw --resume").ok();
     assert!(run.stdout.contains("1: 0 done, 1 skipped"), "{}", run.stdout);
 
     // Completed, but the answer that says so breaks off: sent once more.
     bucket.fault(Fault::Completion);
     let before = bucket.requests().len();
-    ingest(&bucket, "ingest s3://scans/raw -o s3://scans/out --retry-within 60").ok();
+    ingest(&bucket, "ingest s3://scans/raw -o s3://scans/out --asset-root raw --retry-within 60").ok();
     assert!(outputs(&bucket, "out/")["rocks/rock.lods"] == local);
     let requests = &bucket.requests()[before..];
     let completed = requests.iter().filter(|r| r.starts_with("POST") && r.contains("uploadId")).count();

@@ -255,7 +255,7 @@ pub struct ReadingArgs {
     /// Take a file without any vertex for a mesh
     #[arg(long)]
     pub allow_empty: bool,
-    /// The folder in which textures, libraries and buffers that a mesh names have to lie [default: that of the mesh]
+    /// The folder in which textures, libraries and buffers that a mesh names have to lie, in a store the first part of their keys [default: that of the mesh]
     #[arg(long, value_name = "FOLDER")]
     pub asset_root: Option<PathBuf>,
 }

@@ -51,7 +51,7 @@ fn bytes(mesh: &Mesh, format: Format, lattice: Option<&Lattice>) -> (Vec<u8>, Ve
 }
 
 fn back(bytes: &[u8], format: Format, weld: Option<bool>) -> ReadMesh {
-    read_bytes(bytes, format, None, &ReadOptions { weld, ..Default::default() }).unwrap()
+    read_bytes(bytes, format, None, &ReadOptions { weld, allow_empty: true, ..Default::default() }).unwrap()
 }
 
 /// The mesh with its edges behind its faces.

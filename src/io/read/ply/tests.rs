@@ -175,7 +175,7 @@ fn errors_say_where_what_and_what_to_do() {
     );
     assert_eq!(
         error(b""),
-        "input: this is not a PLY file: nothing (the file is empty) stands where `ply` belongs; check the file or name its true format"
+        "input: there is no vertex in it; fetch or export the file again, or allow empty meshes (--allow-empty)"
     );
     assert_eq!(
         error(b"ply\nformat ascii 1.0\nelement vertex 1\n"),
