@@ -309,7 +309,7 @@ fn levels(lods: &Path, mesh: &Mesh) -> Result<Vec<LevelRow>, String> {
     let ratio = (mesh.vertex_count() as f64 / next).max(2.0).powf(1.0 / MEASURED_LEVELS as f64);
     decode(&bytes, |level, decoder| {
         if front.is_none() {
-            front = decoder.index().ok().flatten().cloned();
+            front = decoder.index().ok().flatten();
         }
         let Some(front) = &front else { return };
         let Some(row) = front.header().levels.get(level as usize) else { return };
