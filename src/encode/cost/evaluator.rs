@@ -13,9 +13,9 @@ use thiserror::Error;
 use super::edges::EdgeList;
 use super::fixed::{Fixed, Scale};
 use super::gather::Gatherer;
-use super::weigher::{Carried, WeighInput};
 use super::weight::{Patch, Scratch, edge_weight_by};
 use crate::encode::trace::Trace;
+use crate::format::complex::{Faces, Star};
 
 /// Edges (about) that one task of the processor weighs.
 const CHUNK: usize = 2048;
@@ -56,6 +56,28 @@ impl Default for Engine {
     fn default() -> Self {
         Engine { evaluator: Box::new(Cpu), trace: Trace::off() }
     }
+}
+
+/// A level as the weigher sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct WeighInput<'a> {
+    /// The elements.
+    pub faces: &'a Faces,
+    /// Their stars.
+    pub star: &'a Star,
+    /// One position for each vertex, in lattice steps relative to an integer anchor.
+    pub positions: &'a [[f32; 3]],
+    /// Vertices that must not move, or nothing: an edge with a locked end is illegal. What is locked must not change between levels.
+    pub locked: Option<&'a [bool]>,
+}
+
+/// What the level has in common with the one weighed before.
+#[derive(Clone, Copy, Debug)]
+pub struct Carried<'a> {
+    /// For each vertex its number in the level before (for a merged one that of either child), strictly increasing.
+    pub old_of_new: &'a [u32],
+    /// Whether the vertex merged or moved, or shares an element with one that did: see [`dirty_vertices`].
+    pub dirty: &'a [bool],
 }
 
 /// The edges of one level, to be weighed.

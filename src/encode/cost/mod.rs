@@ -19,13 +19,13 @@ mod weight;
 pub use bound::{BoundScratch, hausdorff_between, hausdorff_bound};
 pub use choice::DeviceChoice;
 pub use edges::{EdgeList, neighbours};
-pub use evaluator::{Cpu, Engine, EvaluateError, Evaluator, Task, weigh_some};
+pub use evaluator::{Carried, Cpu, Engine, EvaluateError, Evaluator, Task, WeighInput, weigh_some};
 pub use fixed::{Fixed, Scale};
 pub use gather::Gatherer;
 #[cfg(feature = "gpu")]
 pub(crate) use gather::Side;
 pub use seam::{SeamInput, SeamPatch, SeamReader, add_seams, seam_displacement};
-pub use weigher::{Carried, WeighInput, Weigher, dirty_vertices};
+pub use weigher::{Weigher, dirty_vertices};
 pub use weight::{Class, MAX_RING, Patch, PatchTriangle, RingVertex, Scratch, Weight, edge_weight, triangle_distance2};
 
 #[cfg(test)]

@@ -5,32 +5,10 @@
 //! weight over. Who weighs them is an [`Evaluator`]; one that fails is replaced by the processor, and the level is weighed again.
 
 use super::edges::EdgeList;
-use super::evaluator::{Cpu, Evaluator, Task};
+use super::evaluator::{Carried, Cpu, Evaluator, Task, WeighInput};
 use super::fixed::{Fixed, Scale};
 use crate::encode::trace::Trace;
 use crate::format::complex::{Faces, Star};
-
-/// A level as the weigher sees it.
-#[derive(Clone, Copy, Debug)]
-pub struct WeighInput<'a> {
-    /// The elements.
-    pub faces: &'a Faces,
-    /// Their stars.
-    pub star: &'a Star,
-    /// One position for each vertex, in lattice steps relative to an integer anchor.
-    pub positions: &'a [[f32; 3]],
-    /// Vertices that must not move, or nothing: an edge with a locked end is illegal. What is locked must not change between levels.
-    pub locked: Option<&'a [bool]>,
-}
-
-/// What the level has in common with the one weighed before.
-#[derive(Clone, Copy, Debug)]
-pub struct Carried<'a> {
-    /// For each vertex its number in the level before (for a merged one that of either child), strictly increasing.
-    pub old_of_new: &'a [u32],
-    /// Whether the vertex merged or moved, or shares an element with one that did: see [`dirty_vertices`].
-    pub dirty: &'a [bool],
-}
 
 /// For each vertex of a level, whether it is one of `merged` or shares an element with one.
 pub fn dirty_vertices(faces: &Faces, star: &Star, merged: &[u32]) -> Vec<bool> {

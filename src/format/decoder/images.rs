@@ -1,11 +1,10 @@
 //! Materials and images as they arrive: a preview stands in for an image until its first piece is there, each piece makes it a better one, and
 //! a reconstruction its very bytes.
 
-use super::open::Open;
 use super::{DecodeError, corrupt};
 use crate::format::appearance::{AppearanceError, code_appearance};
 use crate::format::coder::{InvalidStream, range};
-use crate::format::container::{ChunkInfo, ContainerError, Kind, Preview};
+use crate::format::container::{ChunkInfo, ContainerError, FileIndex, Kind, Preview};
 use crate::image::jpeg::{END, Unsupported, restore};
 use crate::mesh::Appearance;
 
@@ -42,22 +41,44 @@ pub struct MissingImages {
     pub part: usize,
 }
 
-impl Open {
-    pub(super) fn missing_images(&self) -> MissingImages {
-        let all = self.index.header().attributes.images as usize;
-        let Images { pieces, previews, .. } = &self.images;
+/// What a file may take.
+#[derive(Clone, Copy)]
+pub(super) struct Allowance<'a> {
+    pub(super) index: &'a FileIndex,
+    /// Bytes of memory.
+    pub(super) limit: u64,
+}
+
+impl Images {
+    /// Check that a level fits, beside the materials and images that are here already.
+    pub(super) fn afford(&self, to: Allowance, level: u32) -> Result<(), DecodeError> {
+        // Images that were fetched apart are here before their turn.
+        let early = self.bytes.saturating_sub(to.index.image_bytes(level));
+        let needed = to.index.memory(level).saturating_add(self.held).saturating_add(early);
+        if needed > to.limit { Err(ContainerError::MemoryLimit { needed, limit: to.limit }.into()) } else { Ok(()) }
+    }
+
+    /// What has not arrived, of `all` images.
+    pub(super) fn missing(&self, all: usize) -> MissingImages {
+        let Images { pieces, previews, .. } = self;
         let begun = pieces.iter().zip(previews).filter(|(p, shown)| p[0] > 0 || shown.is_some()).count();
         let whole = pieces.iter().filter(|p| p[0] > 0 && p[0] == p[1]).count();
         MissingImages { all, none: all.saturating_sub(begun), part: begun - whole }
     }
 
     /// Materials or an image.
-    pub(super) fn take_picture(&mut self, level: u32, info: ChunkInfo, payload: Vec<u8>) -> Result<(), DecodeError> {
-        match (info.kind, &mut self.images.appearance) {
+    pub(super) fn take(
+        &mut self,
+        to: Allowance,
+        level: u32,
+        info: ChunkInfo,
+        payload: Vec<u8>,
+    ) -> Result<(), DecodeError> {
+        match (info.kind, &mut self.appearance) {
             (Kind::Appearance, None) => {
                 let mut coder = range::Decoder::new(payload);
-                let limit = self.memory_limit;
-                let used = self.index.memory(level);
+                let limit = to.limit;
+                let used = to.index.memory(level);
                 let room = limit.saturating_sub(used).saturating_add(info.memory);
                 let (appearance, held) =
                     code_appearance(&mut coder, &Appearance::default(), room).map_err(|error| match error {
@@ -71,19 +92,19 @@ impl Open {
                 if coder.overrun() {
                     return Err(corrupt(level, "materials that end too early"));
                 }
-                let announced = &self.index.header().attributes;
+                let announced = &to.index.header().attributes;
                 let found = (appearance.materials.len(), appearance.images.len());
                 if found != (announced.materials as usize, announced.images as usize) {
                     return Err(corrupt(level, "other materials or images than the header announces"));
                 }
-                self.images.pieces = vec![[0; 2]; appearance.images.len()];
-                self.images.previews = appearance.images.iter().map(|_| None).collect();
-                self.images.appearance = Some(appearance);
-                self.images.held = held.saturating_sub(info.memory);
+                self.pieces = vec![[0; 2]; appearance.images.len()];
+                self.previews = appearance.images.iter().map(|_| None).collect();
+                self.appearance = Some(appearance);
+                self.held = held.saturating_sub(info.memory);
             }
-            (Kind::Image, Some(_)) => self.take_piece(level, info, payload)?,
-            (Kind::Reconstruction, Some(_)) => self.take_reconstruction(level, info, &payload)?,
-            (Kind::Preview, Some(_)) => self.take_preview(level, payload)?,
+            (Kind::Image, Some(_)) => self.take_piece(to, level, info, payload)?,
+            (Kind::Reconstruction, Some(_)) => self.take_reconstruction(to, level, info, &payload)?,
+            (Kind::Preview, Some(_)) => self.take_preview(to, level, payload)?,
             // Offered before its chunk came.
             (Kind::Appearance, Some(_)) => {}
             (Kind::Image | Kind::Reconstruction, None) => return Err(corrupt(level, "images before materials")),
@@ -93,8 +114,14 @@ impl Open {
     }
 
     /// The next piece of an image; without the last one, an end marker makes a file of what is there.
-    fn take_piece(&mut self, level: u32, info: ChunkInfo, mut payload: Vec<u8>) -> Result<(), DecodeError> {
-        let Some([next, all]) = self.images.pieces.get_mut(info.image as usize) else { return Ok(()) };
+    fn take_piece(
+        &mut self,
+        to: Allowance,
+        level: u32,
+        info: ChunkInfo,
+        mut payload: Vec<u8>,
+    ) -> Result<(), DecodeError> {
+        let Some([next, all]) = self.pieces.get_mut(info.image as usize) else { return Ok(()) };
         if info.segment < *next {
             // Offered before its chunk came.
             return Ok(());
@@ -104,19 +131,19 @@ impl Open {
         }
         let (open, last) = (*next > 0, info.segment + 1 == info.segments);
         (*next, *all) = (info.segment + 1, info.segments);
-        if let Some(shown) = self.images.previews.get_mut(info.image as usize).and_then(Option::take)
-            && let Some(image) = self.images.appearance.as_mut().and_then(|a| a.images.get_mut(info.image as usize))
+        if let Some(shown) = self.previews.get_mut(info.image as usize).and_then(Option::take)
+            && let Some(image) = self.appearance.as_mut().and_then(|a| a.images.get_mut(info.image as usize))
         {
-            self.images.bytes = self.images.bytes.saturating_sub(image.bytes.len() as u64);
+            self.bytes = self.bytes.saturating_sub(image.bytes.len() as u64);
             image.bytes = Vec::new();
             image.mime = shown.mime;
         }
-        self.images.bytes = self.images.bytes.saturating_add(payload.len() as u64);
-        self.afford(level)?;
+        self.bytes = self.bytes.saturating_add(payload.len() as u64);
+        self.afford(to, level)?;
         if !last {
             payload.extend_from_slice(&END);
         }
-        let Some(image) = self.images.appearance.as_mut().and_then(|a| a.images.get_mut(info.image as usize)) else {
+        let Some(image) = self.appearance.as_mut().and_then(|a| a.images.get_mut(info.image as usize)) else {
             return Ok(());
         };
         if open {
@@ -130,15 +157,15 @@ impl Open {
 
     /// A preview, for an image of which there is nothing finer. One that makes no sense, or of an image that is not there, is passed over:
     /// decoders that do not know the kind do the same.
-    fn take_preview(&mut self, level: u32, mut payload: Vec<u8>) -> Result<(), DecodeError> {
+    fn take_preview(&mut self, to: Allowance, level: u32, mut payload: Vec<u8>) -> Result<(), DecodeError> {
         let Some(preview) = Preview::of(&payload) else { return Ok(()) };
         let Preview { image, number, bytes } = preview;
         let (Some(mime), head) = (preview.media_type(), payload.len() - bytes.len()) else { return Ok(()) };
         let at = image as usize;
         let (Some([0, _]), Some(shown), Some(image)) = (
-            self.images.pieces.get(at),
-            self.images.previews.get_mut(at),
-            self.images.appearance.as_mut().and_then(|a| a.images.get_mut(at)),
+            self.pieces.get(at),
+            self.previews.get_mut(at),
+            self.appearance.as_mut().and_then(|a| a.images.get_mut(at)),
         ) else {
             return Ok(());
         };
@@ -154,27 +181,33 @@ impl Open {
         let (new, old) = (payload.len() as u64, image.bytes.len() as u64);
         (image.mime, image.bytes) = (mime.to_string(), payload);
         *shown = Some(Shown { number, mime: told });
-        self.images.bytes = self.images.bytes.saturating_sub(old).saturating_add(new);
-        self.afford(level)
+        self.bytes = self.bytes.saturating_sub(old).saturating_add(new);
+        self.afford(to, level)
     }
 
     /// The reconstruction of an image that is whole: its very bytes.
-    fn take_reconstruction(&mut self, level: u32, info: ChunkInfo, reconstruction: &[u8]) -> Result<(), DecodeError> {
+    fn take_reconstruction(
+        &mut self,
+        to: Allowance,
+        level: u32,
+        info: ChunkInfo,
+        reconstruction: &[u8],
+    ) -> Result<(), DecodeError> {
         const DONE: u32 = u32::MAX;
-        match self.images.pieces.get(info.image as usize) {
+        match self.pieces.get(info.image as usize) {
             Some([DONE, DONE]) => return Ok(()),
             Some([have, all]) if have == all && *all > 0 => {}
             _ => return Err(corrupt(level, "the reconstruction of an image before the image")),
         }
-        let limit = self.memory_limit;
-        let used = self.index.memory(level).saturating_add(self.images.held);
+        let limit = to.limit;
+        let used = to.index.memory(level).saturating_add(self.held);
         let room = limit.saturating_sub(used.saturating_sub(info.memory));
-        let image = self.images.appearance.as_mut().and_then(|a| a.images.get_mut(info.image as usize));
+        let image = self.appearance.as_mut().and_then(|a| a.images.get_mut(info.image as usize));
         if let Some(image) = image {
             image.bytes =
                 restore(&image.bytes, reconstruction, room).map_err(|Unsupported(what)| corrupt(level, what))?;
         }
-        if let Some(pieces) = self.images.pieces.get_mut(info.image as usize) {
+        if let Some(pieces) = self.pieces.get_mut(info.image as usize) {
             *pieces = [DONE; 2];
         }
         Ok(())

@@ -1,11 +1,11 @@
 //! A file whose index is known: its levels, one after the other.
 
-use super::images::Images;
+use super::images::{Allowance, Images, MissingImages};
 use super::{DecodeError, Step, at_level, corrupt};
 use crate::format::attributes::{ExtraAttributes, code_base_layers, code_extra_attributes};
 use crate::format::coder::{InvalidStream, range};
 use crate::format::complex::{Attributes, Batch, Faces, Level, Scheme};
-use crate::format::container::{ContainerError, Event, FileIndex, Kind, Reader};
+use crate::format::container::{ChunkInfo, Event, FileIndex, Kind, Reader};
 use crate::format::degenerate::code_degenerate;
 use crate::format::elements::code_elements;
 use crate::format::points::code_points;
@@ -28,7 +28,7 @@ struct Run {
 #[derive(Debug)]
 pub(super) struct Open {
     pub(super) index: Arc<FileIndex>,
-    pub(super) memory_limit: u64,
+    memory_limit: u64,
     scheme: Scheme,
     models: ModelState,
     scratch: Scratch,
@@ -149,12 +149,18 @@ impl Open {
     }
 
     /// Check that a level fits, beside the materials that are here already.
-    pub(super) fn afford(&self, level: u32) -> Result<(), DecodeError> {
-        // Images that were fetched apart are here before their turn.
-        let early = self.images.bytes.saturating_sub(self.index.image_bytes(level));
-        let needed = self.index.memory(level).saturating_add(self.images.held).saturating_add(early);
-        let limit = self.memory_limit;
-        if needed > limit { Err(ContainerError::MemoryLimit { needed, limit }.into()) } else { Ok(()) }
+    fn afford(&self, level: u32) -> Result<(), DecodeError> {
+        self.images.afford(Allowance { index: &self.index, limit: self.memory_limit }, level)
+    }
+
+    /// Take a chunk of materials or images.
+    pub(super) fn take_picture(&mut self, level: u32, info: ChunkInfo, payload: Vec<u8>) -> Result<(), DecodeError> {
+        self.images.take(Allowance { index: &self.index, limit: self.memory_limit }, level, info, payload)
+    }
+
+    /// What has not arrived of the images.
+    pub(super) fn missing_images(&self) -> MissingImages {
+        self.images.missing(self.index.header().attributes.images as usize)
     }
 
     /// What the header says of a level.
