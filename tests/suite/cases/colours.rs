@@ -128,7 +128,7 @@ fn pictures_follow_alpha() {
                 "mtllib a.mtl\nusemtl {name}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
             ),
         );
-        lodestream(s.folder(), &format!("render {name}.obj -o {name}.png --size 32 --device cpu")).ok();
+        lodestream(s.folder(), &format!("render {name}.obj -o {name}.png --size 32")).ok();
     }
     let (seen, gone) = (std::fs::read(s.path("seen.png")).unwrap(), std::fs::read(s.path("gone.png")).unwrap());
     // One colour everywhere packs to next to nothing.
