@@ -44,6 +44,7 @@ fn obj_with_a_library() {
         [
             "1 image file not found: gone.jpg",
             "1 material is used but not described; the name is kept: none",
+            "1 corner names a value of `uv` that the file does not have; they are read as without",
             "1 face has values of `uv` at some corners only; they were left out",
             "1 value of `normal` not finite and left out",
             "1 face has values of `normal` at some corners only; they were left out",
