@@ -400,13 +400,13 @@ impl Builder {
             return;
         }
         let (mut invalid, mut next) = (self.invalid_records.iter().copied().peekable(), 0);
-        for record in 0..map.len() {
+        for (record, number) in map.iter_mut().enumerate() {
             if invalid.next_if_eq(&(record as u32)).is_some() {
-                map[record] = NO_VALUE;
+                *number = NO_VALUE;
                 continue;
             }
             self.positions[next as usize] = self.positions[record];
-            map[record] = next;
+            *number = next;
             next += 1;
         }
         self.positions.truncate(next as usize);
