@@ -3,6 +3,7 @@
 use super::attributes::{Parts, QuantizedAttributes, quantize_attributes};
 use super::cost::Engine;
 use super::levels::{EncodedLevels, LevelsError, encode_levels};
+use super::loss::Loss;
 use super::schedule::{self, Pictures};
 use super::sets::Sets;
 use super::simplify::{History, SimplifyOptions, reorder, simplify_on};
@@ -65,11 +66,12 @@ pub(super) fn assemble<'m>(
     control: Control,
 ) -> Result<Draft<'m>, EncodeError> {
     mesh.validate()?;
-    let lattice = Lattice::choose(options.quantization, &mesh.positions)?;
-    let positions = lattice.quantize(&mesh.positions)?;
+    let lattice = Lattice::of_mesh(options.quantization, &mesh.positions, &mesh.corners)?;
+    let positions = lattice.quantize_mesh(&mesh.positions, &mesh.corners)?;
     let (faces, degenerate, of) = part(mesh);
     let [of_face, of_degenerate] = of;
     let quantized = quantize_attributes(mesh, &Parts { faces: &faces, of_face, of_degenerate }, options)?;
+    let loss = Loss::measure(mesh, &lattice, &positions, &quantized.header.layers);
     let QuantizedAttributes { header: mut announced, scheme, attributes, extra, isolated } = quantized;
     // Degenerate faces are not there before the full level: their points are told by their corners.
     let missing = extent_degenerate(mesh, &faces, &degenerate);
@@ -130,6 +132,7 @@ pub(super) fn assemble<'m>(
         collapse_seconds: history.seconds[2],
         encode_seconds: (clock.elapsed().as_secs_f64() - history.total).max(0.0),
         images,
+        loss,
     };
     Ok(Draft { header, chunks, map: encoded.number, report })
 }

@@ -5,9 +5,11 @@ use super::EncodeOptions;
 use crate::format::attributes::{ExtraAttributes, Value};
 use crate::format::complex::{Attributes, Faces, MAX_LAYERS, MAX_WEDGES, NONE, Scheme, Wedges};
 use crate::format::container::{AttributeHeader, Label, LayerHeader, MAX_LABELS, MAX_NAME};
+use crate::mesh::lattice::PROPORTION;
 use crate::mesh::quantizer::{Precision, Quantizer, QuantizerError};
 use crate::mesh::{Layer, LayerKind, Mesh, NO_VALUE};
 use crate::parallel;
+use std::borrow::Cow;
 use std::collections::HashMap;
 use thiserror::Error;
 
@@ -130,7 +132,10 @@ pub(super) fn quantize_attributes(
         };
         let width = layer.width as usize;
         let whole = layer.stored.is_integer();
-        let quantizer = Quantizer::choose(&layer.name, layer.kind, width, &layer.values, precision, whole)?;
+        let quantizer = Quantizer::choose(&layer.name, layer.kind, width, &named_values(layer), precision, whole)?;
+        for &[_, value] in &layer.isolated {
+            quantizer.check(&layer.name, layer.value(value))?;
+        }
         let coded = quantizer.width(layer.kind, width);
         let ranges = parallel::ranges(layer.len(), 1 << 16);
         let values: Vec<Value> = parallel::map(ranges, |range| {
@@ -164,6 +169,33 @@ pub(super) fn quantize_attributes(
     out.header.images = mesh.appearance.images.len() as u32;
     out.header.appearance = !mesh.appearance.is_empty();
     Ok(out)
+}
+
+/// The values that set the range of a layer: those that corners name, and those of isolated vertices unless they are out of
+/// all proportion. What nothing names does not count.
+fn named_values(layer: &Layer) -> Cow<'_, [f64]> {
+    let width = layer.width as usize;
+    let mut named = vec![false; layer.len()];
+    layer.corners.iter().filter(|&&v| v != NO_VALUE).for_each(|&v| named[v as usize] = true);
+    let side = |named: &[bool]| {
+        let values = || layer.values.chunks_exact(width.max(1)).zip(named).filter(|(_, named)| **named);
+        let span = |c: usize| {
+            let numbers = || values().map(|(value, _)| value[c]);
+            numbers().fold(f64::NEG_INFINITY, f64::max) - numbers().fold(f64::INFINITY, f64::min)
+        };
+        (0..width).map(span).fold(0.0, f64::max)
+    };
+    let of_corners = side(&named);
+    let mut all = named.clone();
+    layer.isolated.iter().for_each(|&[_, v]| all[v as usize] = true);
+    if !(of_corners > 0.0 && side(&all) > PROPORTION * of_corners) {
+        named = all;
+    }
+    if named.iter().all(|&named| named) {
+        return Cow::Borrowed(&layer.values);
+    }
+    let values = layer.values.chunks_exact(width.max(1)).zip(&named).filter(|(_, named)| **named);
+    Cow::Owned(values.flat_map(|(value, _)| value).copied().collect())
 }
 
 /// Wedges of the elements of the complex: corners of a vertex with equal integers share one.

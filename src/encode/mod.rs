@@ -6,6 +6,7 @@ mod attributes;
 pub mod cost;
 #[doc(hidden)]
 pub mod levels;
+mod loss;
 #[cfg(all(feature = "quality", feature = "recompress"))]
 pub mod pipeline;
 #[cfg(feature = "quality")]
@@ -18,6 +19,7 @@ pub mod simplify;
 pub mod trace;
 
 pub use attributes::AttributeError;
+pub use loss::{LayerLoss, Loss, LossWarning};
 pub use schedule::Schedule;
 
 use crate::encode::cost::Engine;
@@ -207,6 +209,8 @@ pub struct EncodeReport {
     pub encode_seconds: f64,
     /// The images, in their order; without those of which the source had but the name.
     pub images: Vec<ImageReport>,
+    /// What quantization cost.
+    pub loss: Loss,
 }
 
 /// An encoded mesh.

@@ -84,6 +84,9 @@ impl Failure {
                 FailureKind::Permission,
                 format!("{name}: no permission to read it; check the owner and mode of the file"),
             ),
+            io::ErrorKind::IsADirectory => {
+                Self::new(FailureKind::Input, format!("{name}: this is a folder; name a mesh file"))
+            }
             _ => Self::new(FailureKind::Input, format!("{name}: cannot be read: {error}")),
         }
     }

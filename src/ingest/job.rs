@@ -12,6 +12,7 @@ use crate::encode::cost::Engine;
 use crate::encode::{Control, EncodeError, Encoded};
 use crate::format::container::{FileIndex, Parsed};
 use crate::format::decoder::{DecodeOptions, Decoder, Step};
+use crate::io::files::Place;
 use crate::io::read::{self, Format, ReadError, ReadErrorKind, ReadMesh, ReadOptions, Survey};
 use crate::quality::exact;
 use rayon::ThreadPool;
@@ -20,6 +21,7 @@ use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 /// How a file ended.
@@ -127,11 +129,18 @@ impl Record {
     }
 }
 
+/// What the report is among the files of a run.
+pub(super) const REPORT: &str = "the report";
+
 /// What a job asks of the run around it.
 pub(super) struct Surroundings<'a> {
     pub observer: &'a dyn Observer,
     pub cores: &'a Cores,
     pub staging: Option<&'a Staging>,
+    /// The files of the run itself, which are no outputs, and what they are.
+    pub reserved: &'a [(Place, &'a str)],
+    /// Whether the report has the place of a source, and so must not be written.
+    pub report_is_source: &'a AtomicBool,
     pub resume: bool,
     pub verify: bool,
     /// Bytes that reading one file may take at most.
@@ -140,6 +149,19 @@ pub(super) struct Surroundings<'a> {
     pub least: usize,
     pub engines: Option<&'a Engines>,
     pub hook: Option<&'a (dyn Fn(&str) + Send + Sync)>,
+}
+
+impl Surroundings<'_> {
+    /// Refuse a report in the place of one of the files that `name` is read from.
+    fn keep_from_report(&self, name: &str, files: &[Place]) -> Result<(), Failure> {
+        let report = self.reserved.iter().find(|(_, what)| *what == REPORT);
+        if !report.is_some_and(|(report, _)| files.contains(report)) {
+            return Ok(());
+        }
+        self.report_is_source.store(true, Ordering::Relaxed);
+        let what = format!("{name}: the report of this run would replace it, or a file that it names; move the report");
+        Err(Failure::new(FailureKind::Name, what))
+    }
 }
 
 /// What a job wants of the ledger while it runs.
@@ -212,6 +234,13 @@ fn work(
     account: &mut dyn Account,
     own: &mut Option<ThreadPool>,
 ) -> Result<bool, Failure> {
+    let mut reserved = around.reserved.to_vec();
+    if let Object::Local(source) = &job.object {
+        let source = Place::of(source);
+        around.keep_from_report(name, std::slice::from_ref(&source))?;
+        reserved.push((source, "its own source"));
+    }
+    output::may_write(&job.target, &reserved)?;
     let there = if around.resume { output::stamp_of(&job.target)? } else { None };
     let clock = Instant::now();
     let format = Format::from_path(job.object.path()).map_err(|extension| {
@@ -224,6 +253,9 @@ fn work(
     let bytes = job.object.read()?;
     let root = job.settings.asset_root.as_deref();
     let beside = Sidecars::fetch(&job.object, &bytes, format, job.settings.drop, root)?;
+    around.keep_from_report(name, &beside.places)?;
+    let named: Vec<_> = beside.places.iter().map(|place| (place.clone(), "a file that its source names")).collect();
+    output::may_write(&job.target, &named)?;
     job.record.bytes_in = bytes.len() as u64 + beside.bytes;
     let stamp = Stamp { source: beside.checksum, settings: job.settings.checksum() };
     job.record.sha256 = Some(hex(&stamp.source));
@@ -317,6 +349,12 @@ fn compute(
         .map_err(|e| read_failure(ReadError { name: name.to_string(), ..e }))?;
     drop(bytes);
     job.record.warnings = read.warnings.iter().map(ToString::to_string).collect();
+    if job.settings.drop_isolated {
+        let dropped = read.mesh.drop_isolated().iter().filter(|n| n.is_none()).count();
+        if dropped > 0 {
+            job.record.warnings.push(format!("{dropped} vertices that nothing uses are left out"));
+        }
+    }
     // Not a warning of the reader, and still what somebody who looks at the output has to know.
     let pipeline = job.settings.pipeline();
     let recompressed = pipeline.prepare(&mut read.mesh.appearance);
@@ -342,6 +380,7 @@ fn compute(
     pipeline.arrange(&mut encoded, Some(&stamp_chunk), &|_, _| {}).map_err(|e| inside(&e))?;
     let Encoded { bytes: stamped, report, .. } = encoded;
     job.record.levels = report.levels as u64;
+    job.record.warnings.extend(report.loss.warnings().iter().map(ToString::to_string));
     if let Some(why) = &report.fallback {
         job.record.warnings.push(format!("{why}; the processor weighed the edges instead"));
     }

@@ -33,6 +33,46 @@ pub(super) enum Found {
     Item(Item),
     /// Something that will never be encoded, with its name and why.
     Failed(String, Failure),
+    /// A hidden file that would be a mesh, or a hidden folder.
+    PassedOver,
+}
+
+/// What becomes of hidden files and folders.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Hidden {
+    PassedOver,
+    Taken,
+}
+
+/// Whether a part of a path is hidden: those that begin with a dot, which hides them on Unix (`.git`, and `._scan.obj`,
+/// where a Mac keeps what other disks cannot hold), and the folder of such companions in archives of a Mac.
+fn is_hidden(part: &str) -> bool {
+    part.starts_with('.') && part != "." && part != ".." || part == "__MACOSX"
+}
+
+/// Which files of a folder are meant, and how they are to be encoded.
+struct Wanted<'a> {
+    pattern: Option<GlobMatcher>,
+    hidden: Hidden,
+    settings: &'a Arc<Settings>,
+}
+
+impl Wanted<'_> {
+    /// Whether a file of a folder is a mesh that was meant.
+    fn holds(&self, relative: &str) -> bool {
+        self.pattern.as_ref().is_none_or(|p| p.is_match(relative)) && Format::from_path(Path::new(relative)).is_ok()
+    }
+
+    fn passes_over(&self, part: &str) -> bool {
+        self.hidden == Hidden::PassedOver && is_hidden(part)
+    }
+
+    fn item(&self, object: Object, size: Option<u64>, relative: &str) -> Found {
+        match output_name(relative) {
+            Ok(output) => Found::Item(Item { object, size, output, settings: self.settings.clone(), line: None }),
+            Err(failure) => Found::Failed(object.name(), failure),
+        }
+    }
 }
 
 /// What is to be listed, understood and checked, before anything is.
@@ -119,11 +159,13 @@ impl Listing {
     }
 
     /// Hand out every file of the shard, until `each` gives `false`.
-    pub fn walk(self, shard: Shard, stores: &Stores, mut each: impl FnMut(Found) -> bool) {
+    pub fn walk(self, shard: Shard, hidden: Hidden, stores: &Stores, mut each: impl FnMut(Found) -> bool) {
         let mut names = HashSet::new();
         let mut emit = |found: Found| match found {
+            Found::PassedOver => each(found),
             Found::Item(item) => {
-                let unseen = names.insert(Sha256::digest(item.output.as_bytes())[..16].to_vec());
+                // Some disks do not know upper from lower case.
+                let unseen = names.insert(Sha256::digest(item.output.to_lowercase().as_bytes())[..16].to_vec());
                 if !shard.holds(&item.output) {
                     return true;
                 }
@@ -131,8 +173,10 @@ impl Listing {
                     return each(Found::Item(item));
                 }
                 let name = item.object.name();
-                let what =
-                    format!("{name}: another source has the same output {}; name outputs in a manifest", item.output);
+                let what = format!(
+                    "{name}: another source has the same output {}, case aside; name outputs in a manifest",
+                    item.output
+                );
                 each(Found::Failed(name, Failure::new(FailureKind::Name, what)))
             }
             // What has no output is told by one of the shards.
@@ -171,7 +215,13 @@ impl Listing {
                                 Err(failure) => Found::Failed(name, failure),
                             })
                         }
-                        Source::Many(folder, pattern) => walk_folder(&folder, pattern.as_ref(), &settings, &mut emit),
+                        Source::Many(folder, pattern) => {
+                            let names_hidden = |p: &GlobMatcher| p.glob().glob().split('/').any(is_hidden);
+                            let hidden =
+                                if pattern.as_ref().is_some_and(names_hidden) { Hidden::Taken } else { hidden };
+                            let wanted = Wanted { pattern, hidden, settings: &settings };
+                            walk_folder(&folder, &wanted, &mut emit)
+                        }
                     };
                     if !go {
                         return;
@@ -198,33 +248,20 @@ fn job_object(text: &str, root: Option<&Folder>, stores: &Stores) -> Result<Obje
     })
 }
 
-/// Whether a file of a folder is a mesh that was meant.
-fn wanted(relative: &str, pattern: Option<&GlobMatcher>) -> bool {
-    match pattern {
-        Some(pattern) => pattern.is_match(relative) && Format::from_path(Path::new(relative)).is_ok(),
-        None => Format::from_path(Path::new(relative)).is_ok(),
-    }
-}
-
-fn walk_folder(
-    folder: &Folder,
-    pattern: Option<&GlobMatcher>,
-    settings: &Arc<Settings>,
-    emit: &mut dyn FnMut(Found) -> bool,
-) -> bool {
-    let item = |object: Object, size, relative: &str| match output_name(relative) {
-        Ok(output) => Found::Item(Item { object, size, output, settings: settings.clone(), line: None }),
-        Err(failure) => Found::Failed(object.name(), failure),
-    };
+fn walk_folder(folder: &Folder, wanted: &Wanted<'_>, emit: &mut dyn FnMut(Found) -> bool) -> bool {
     match folder {
-        Folder::Local(root) => walk_local(root, "", pattern, &item, emit),
+        Folder::Local(root) => walk_local(root, "", wanted, emit),
         Folder::Stored(store, prefix) => {
             let mut go = true;
             let listed = store.list(prefix.trim_end_matches('/'), |key, size| {
                 if let Some(relative) = key.strip_prefix(prefix.as_str())
-                    && wanted(relative, pattern)
+                    && wanted.holds(relative)
                 {
-                    go = emit(item(Object::Stored(store.clone(), key.to_string()), Some(size), relative));
+                    go = if relative.split('/').any(|part| wanted.passes_over(part)) {
+                        emit(Found::PassedOver)
+                    } else {
+                        emit(wanted.item(Object::Stored(store.clone(), key.to_string()), Some(size), relative))
+                    };
                 }
                 go
             });
@@ -236,13 +273,7 @@ fn walk_folder(
     }
 }
 
-fn walk_local(
-    root: &Path,
-    below: &str,
-    pattern: Option<&GlobMatcher>,
-    item: &dyn Fn(Object, Option<u64>, &str) -> Found,
-    emit: &mut dyn FnMut(Found) -> bool,
-) -> bool {
+fn walk_local(root: &Path, below: &str, wanted: &Wanted<'_>, emit: &mut dyn FnMut(Found) -> bool) -> bool {
     let folder = root.join(below);
     let listed = std::fs::read_dir(&folder).and_then(|entries| {
         let mut names = Vec::new();
@@ -264,7 +295,13 @@ fn walk_local(
     };
     names.sort_unstable();
     for (name, is_folder) in names {
-        if is_folder && name == STAGING {
+        if is_folder && name.eq_ignore_ascii_case(STAGING) {
+            continue;
+        }
+        if wanted.passes_over(&name.to_string_lossy()) {
+            if (is_folder || Format::from_path(Path::new(&name)).is_ok()) && !emit(Found::PassedOver) {
+                return false;
+            }
             continue;
         }
         let Some(text) = name.to_str() else {
@@ -279,15 +316,15 @@ fn walk_local(
         };
         let relative = if below.is_empty() { text.to_string() } else { format!("{below}/{text}") };
         if is_folder {
-            if !walk_local(root, &relative, pattern, item, emit) {
+            if !walk_local(root, &relative, wanted, emit) {
                 return false;
             }
-        } else if wanted(&relative, pattern) {
+        } else if wanted.holds(&relative) {
             let path = root.join(&relative);
             if path.is_dir() {
                 continue;
             }
-            if !emit(item(Object::Local(path), None, &relative)) {
+            if !emit(wanted.item(Object::Local(path), None, &relative)) {
                 return false;
             }
         }

@@ -1,11 +1,10 @@
 //! Where things are: what the texts SOURCE and DEST mean.
 
 use super::error::{Failure, FailureKind, IngestError};
+use super::output::{STAGING, is_staged};
 use super::store::{SCHEMES, Store, Stores};
 use crate::io::read::Packing;
 use globset::{GlobBuilder, GlobMatcher};
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -37,21 +36,7 @@ impl Object {
     pub fn read(&self) -> Result<Vec<u8>, Failure> {
         match self {
             Object::Stored(store, key) => store.get(key),
-            Object::Local(path) => {
-                let read = || {
-                    let file = File::open(path)?;
-                    let meta = file.metadata()?;
-                    if meta.is_dir() {
-                        return Err(std::io::Error::other("this is a folder; name a mesh file"));
-                    }
-                    let mut bytes = Vec::new();
-                    // One byte more, or the last read would double the buffer to find the end.
-                    bytes.try_reserve_exact(usize::try_from(meta.len()).unwrap_or(usize::MAX).saturating_add(1))?;
-                    (&file).read_to_end(&mut bytes)?;
-                    Ok(bytes)
-                };
-                read().map_err(|e| Failure::reading(&self.name(), &e))
-            }
+            Object::Local(path) => crate::io::files::read_regular(path).map_err(|e| Failure::reading(&self.name(), &e)),
         }
     }
 }
@@ -182,6 +167,10 @@ pub(super) fn dest(text: &str, stores: &Stores) -> Result<Dest, IngestError> {
         return Ok(Dest::Folder(Folder::Stored(store, prefix)));
     }
     let path = local(text)?;
+    if is_staged(&path) {
+        let what = format!("{text}: {STAGING} is for files on their way, which a run removes; choose another place");
+        return Err(IngestError::Usage(what));
+    }
     if path.is_file() || (text.ends_with(".lods") && !path.is_dir()) {
         return Ok(Dest::File(Object::Local(path)));
     }

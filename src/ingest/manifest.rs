@@ -2,13 +2,15 @@
 //!
 //! A manifest is read and checked as a whole before any work starts; every error names its line. Fields, the same in all
 //! three: `source` (needed), `output`, `position_bits`, `position_step`, `origin`, `uv_bits`, `uv_step`, `normal_bits`,
-//! `color_bits`, `scalar_bits`, `lock_borders`, `exact_images`, `schedule`, `texture`, `previews`, `weld`, `drop`. What an entry leaves out is as the command line says; TOML has a table `[defaults]` in between, and one `[[job]]` for each file.
+//! `color_bits`, `scalar_bits`, `lock_borders`, `exact_images`, `schedule`, `texture`, `previews`, `weld`, `isolated`, `drop`. What an entry leaves out is as the command line says; TOML has a table `[defaults]` in between, and one `[[job]]` for each file.
 
 use super::error::IngestError;
 use super::location::{is_plain, output_name};
+use super::output::is_staged;
 use super::settings::{DROP_NAMES, Settings, drop_set};
 use crate::image::jpeg::Exactness;
 use crate::image::recompress::Textures;
+use crate::io::files::read_regular;
 use crate::mesh::lattice::Quantization;
 use crate::mesh::quantizer::Precision;
 use serde::Deserialize;
@@ -48,6 +50,7 @@ struct Entry {
     texture: Option<String>,
     previews: Option<String>,
     weld: Option<bool>,
+    isolated: Option<String>,
     drop: Option<Words>,
 }
 
@@ -76,7 +79,7 @@ const MOST: usize = 20;
 /// [`IngestError::Setup`] when it cannot be read, [`IngestError::Manifest`] with all that is wrong, each with its line.
 pub fn read(path: &Path, base: &Settings) -> Result<Vec<Job>, IngestError> {
     let name = path.display().to_string();
-    let bytes = std::fs::read(path).map_err(|e| IngestError::Setup(super::Failure::reading(&name, &e).message))?;
+    let bytes = read_regular(path).map_err(|e| IngestError::Setup(super::Failure::reading(&name, &e).message))?;
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     parse(&name, &extension, &bytes, base)
 }
@@ -109,12 +112,13 @@ pub fn parse(name: &str, extension: &str, bytes: &[u8], base: &Settings) -> Resu
     for (line, entry) in entries {
         match job(line, entry, base) {
             Err(problem) => errors.add(line, problem),
-            Ok(job) => match outputs.insert(job.output.clone(), line) {
+            // Some disks do not know upper from lower case.
+            Ok(job) => match outputs.insert(job.output.to_lowercase(), line) {
                 Some(first) => {
-                    errors.add(
-                        line,
-                        format!("the output {:?} is that of line {first} already; name another", job.output),
-                    );
+                    let output = &job.output;
+                    let what =
+                        format!("the output {output:?} is that of line {first} already, case aside; name another");
+                    errors.add(line, what);
                 }
                 None => jobs.push(job),
             },
@@ -219,6 +223,12 @@ fn job(line: u64, entry: Entry, base: &Settings) -> Result<Job, String> {
         settings.previews = previews.trim().parse().map_err(|e: String| format!("previews: {e}"))?;
     }
     settings.weld = entry.weld.or(settings.weld);
+    match entry.isolated.as_deref().map(str::trim) {
+        None => {}
+        Some("keep") => settings.drop_isolated = false,
+        Some("drop") => settings.drop_isolated = true,
+        Some(other) => return Err(format!("isolated is keep or drop, not {other:?}")),
+    }
     if let Some(words) = entry.drop {
         let words = match words {
             Words::List(list) => list,
@@ -232,6 +242,9 @@ fn job(line: u64, entry: Entry, base: &Settings) -> Result<Job, String> {
             let output = if output.ends_with(".lods") { output } else { format!("{output}.lods") };
             if !is_plain(&output) {
                 return Err(format!("the output {output:?} has to be a relative path without . and .."));
+            }
+            if is_staged(Path::new(&output)) {
+                return Err(format!("the output {output:?} lies among files on their way; choose another folder"));
             }
             output
         }

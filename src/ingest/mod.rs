@@ -36,6 +36,7 @@ pub use output::abandon;
 pub use predict::peak as predicted_peak;
 pub use schedule::run;
 pub use settings::{DROP_NAMES, Settings, drop_set};
+pub use sidecars::named_files;
 pub use stamp::Stamp;
 pub use store::Retries;
 
@@ -89,6 +90,8 @@ pub struct Plan {
     pub on_error: OnError,
     /// Where to write a report, `.json` or `.html`.
     pub report: Option<PathBuf>,
+    /// Take hidden files and folders too (`.git`, `._scan.obj`, `__MACOSX`); otherwise they are passed over and counted.
+    pub hidden: bool,
     /// How long a failing store is asked again.
     pub retries: Retries,
     /// Who weighs edges, where it is not the processor.
@@ -114,6 +117,7 @@ impl Plan {
             shard: Shard { k: 0, n: 1 },
             on_error: OnError::Continue,
             report: None,
+            hidden: false,
             retries: Retries::default(),
             engines: None,
             hook: None,
@@ -181,6 +185,8 @@ pub struct Summary {
     pub done: u64,
     /// Files that were there already.
     pub skipped: u64,
+    /// Hidden files and folders that were passed over.
+    pub hidden: u64,
     /// Files that failed, by kind.
     pub failures: BTreeMap<FailureKind, u64>,
     /// Vertices of the files that were done.

@@ -4,7 +4,9 @@
 use super::Summary;
 use super::error::{Failure, IngestError};
 use super::job::{Record, Status};
-use super::output::{Staged, Staging};
+use super::location::Object;
+use super::output::{STAGING, Staged, Staging, is_staged, may_write};
+use crate::io::files::Place;
 use crate::page;
 use maud::{Markup, PreEscaped, html};
 use std::io::{self, BufRead, BufReader, BufWriter, Seek, SeekFrom, Write};
@@ -38,15 +40,22 @@ impl Write for Staged {
 
 impl Report {
     /// See now, before any work, that the report can be written.
-    pub fn create(path: &Path) -> Result<Self, IngestError> {
+    pub fn create(path: &Path, manifest: Option<&Path>) -> Result<Self, IngestError> {
         let shown = path.display().to_string();
         let kind = match path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).as_deref() {
             Some("json") => Kind::Json,
             Some("html" | "htm") => Kind::Html,
             _ => return Err(IngestError::Usage(format!("{shown}: a report ends with .json or .html"))),
         };
+        if is_staged(path) {
+            let what =
+                format!("{shown}: {STAGING} is for files on their way, which a run removes; choose another place");
+            return Err(IngestError::Usage(what));
+        }
+        let manifest: Vec<_> = manifest.map(|path| (Place::of(path), "the manifest")).into_iter().collect();
+        may_write(&Object::Local(path.to_path_buf()), &manifest).map_err(|f| IngestError::Setup(f.message))?;
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let staging = Staging::new(folder);
+        let staging = Staging::new(folder).map_err(|e| IngestError::Setup(Failure::writing(&shown, &e).message))?;
         let spool = staging.create().map_err(|e| IngestError::Setup(Failure::writing(&shown, &e).message))?;
         Ok(Report { path: path.to_path_buf(), kind, staging, spool: BufWriter::new(spool) })
     }
@@ -200,6 +209,9 @@ impl Summary {
                 ),
             ),
         ];
+        if self.hidden > 0 {
+            rows.push(("hidden", format!("{} files and folders passed over; --hidden takes them", count(self.hidden))));
+        }
         if self.shard.1 > 1 {
             rows.push(("shard", format!("{} of {}", self.shard.0, self.shard.1)));
         }

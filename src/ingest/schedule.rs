@@ -5,20 +5,22 @@
 //! while some encode, others fetch or wait for a disk or a store.
 
 use super::error::{Failure, FailureKind, IngestError};
-use super::job::{self, Account, End, Job, Record, Surroundings};
+use super::job::{self, Account, End, Job, REPORT, Record, Surroundings};
 use super::ledger::{Cores, Memory};
-use super::list::{Found, Item, Listing};
+use super::list::{Found, Hidden, Item, Listing};
 use super::location::{self, Dest, Folder, Object};
-use super::output::Staging;
+use super::output::{Staging, is_staged};
 use super::report::Report;
 use super::store::Stores;
 use super::{Event, Observer, OnError, Plan, Summary, predict};
 use crate::image::jpeg::Working;
+use crate::io::files::{Place, open_regular};
 use crate::io::read::{self, Format, Survey};
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -82,7 +84,15 @@ pub fn run(plan: &Plan, observer: &dyn Observer) -> Result<Summary, IngestError>
         return Err(IngestError::Usage(what));
     }
     let staging = staging(&dest, &plan.dest)?;
-    let report = plan.report.as_deref().map(Report::create).transpose()?;
+    if let Some(manifest) = plan.manifest.as_deref().filter(|path| is_staged(path)) {
+        let what = format!("{}: it lies among files on their way, which a run removes; move it", manifest.display());
+        return Err(IngestError::Usage(what));
+    }
+    let report = plan.report.as_deref().map(|path| Report::create(path, plan.manifest.as_deref())).transpose()?;
+    let own = [(plan.report.as_deref(), REPORT), (plan.manifest.as_deref(), "the manifest")];
+    let reserved: Vec<(Place, &str)> =
+        own.iter().filter_map(|(path, what)| Some((Place::of((*path)?), *what))).collect();
+    let report_is_source = AtomicBool::new(false);
     let (jobs, threads) = (plan.jobs.max(1), plan.threads.max(1).max(plan.jobs));
     let base = predict::resident() + ASIDE;
     if plan.memory <= base + ASIDE {
@@ -125,6 +135,8 @@ pub fn run(plan: &Plan, observer: &dyn Observer) -> Result<Summary, IngestError>
         observer,
         cores: &cores,
         staging: staging.as_ref(),
+        reserved: &reserved,
+        report_is_source: &report_is_source,
         resume: plan.resume,
         verify: plan.verify,
         memory: allowed,
@@ -141,8 +153,10 @@ pub fn run(plan: &Plan, observer: &dyn Observer) -> Result<Summary, IngestError>
         for _ in 0..most_in_hand + 2 * jobs + 2 {
             scope.spawn(move || work_all(shared, around));
         }
-        listing.walk(plan.shard, &stores, |found| {
+        let hidden = if plan.hidden { Hidden::Taken } else { Hidden::PassedOver };
+        listing.walk(plan.shard, hidden, &stores, |found| {
             match found {
+                Found::PassedOver => shared.lock().summary.hidden += 1,
                 Found::Item(item) => {
                     if send.send(item).is_err() {
                         return false;
@@ -180,12 +194,20 @@ pub fn run(plan: &Plan, observer: &dyn Observer) -> Result<Summary, IngestError>
     if let (Some(e), Some(path)) = (&state.report_error, &plan.report) {
         return Err(IngestError::Setup(Failure::writing(&path.display().to_string(), e).message));
     }
+    if let (true, Some(path)) = (report_is_source.into_inner(), &plan.report) {
+        let what = "the report would replace a source of this run, or a file that one names; choose another name";
+        return Err(IngestError::Setup(format!("{}: {what}", path.display())));
+    }
     if let Some(report) = state.report {
         report.finish(&summary)?;
     }
     if summary.files == 0 && plan.shard.n < 2 {
         let what = "no mesh was found: nothing ends with .obj .ply .stl .off .gltf .glb or one of these and .gz";
-        return Err(IngestError::Setup(format!("{}: {what}", plan.sources.join(", "))));
+        let hidden = match summary.hidden {
+            0 => String::new(),
+            n => format!("; {n} hidden files and folders were passed over, which --hidden takes"),
+        };
+        return Err(IngestError::Setup(format!("{}: {what}{hidden}", plan.sources.join(", "))));
     }
     Ok(summary)
 }
@@ -199,7 +221,7 @@ fn staging(dest: &Dest, shown: &str) -> Result<Option<Staging>, IngestError> {
         }
         _ => return Ok(None),
     };
-    let staging = Staging::new(&folder);
+    let staging = Staging::new(&folder).map_err(|e| IngestError::Setup(Failure::writing(shown, &e).message))?;
     // Whether anything can be written here is better known now than after an hour.
     staging.create().map_err(|e| IngestError::Setup(Failure::writing(shown, &e).message))?;
     Ok(Some(staging))
@@ -313,7 +335,7 @@ fn survey(item: &Item) -> Result<(Survey, u64), Failure> {
     match &item.object {
         Object::Local(path) => {
             let work = || {
-                let size = path.metadata()?.len();
+                let size = open_regular(path)?.1.len();
                 Ok((read::survey_path(path, format)?, size))
             };
             work().map_err(|e| Failure::reading(&name, &e))

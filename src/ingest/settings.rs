@@ -27,6 +27,8 @@ pub struct Settings {
     pub invalid: Invalid,
     /// The folder in which files have to lie that a mesh refers to; `None`: that of the mesh.
     pub asset_root: Option<PathBuf>,
+    /// Leave out vertices that no element uses.
+    pub drop_isolated: bool,
     /// What becomes of images that are no JPEG.
     pub textures: Textures,
     /// Whether images get previews.
@@ -101,6 +103,9 @@ impl Settings {
         if (self.allow_empty, self.invalid, &self.asset_root) != (false, Invalid::Error, &None) {
             text += &format!("empty {} invalid {:?} assets {:?}\n", self.allow_empty, self.invalid, self.asset_root);
         }
+        if self.drop_isolated {
+            text += "isolated drop\n";
+        }
         Sha256::digest(text.as_bytes()).into()
     }
 }
@@ -114,7 +119,7 @@ mod tests {
     #[test]
     fn every_setting_changes_the_checksum() {
         let plain = Settings::default();
-        let mut others = vec![plain.clone(); 19];
+        let mut others = vec![plain.clone(); 20];
         others[0].encode.quantization = Quantization::Bits(13);
         others[1].encode.quantization = Quantization::Step { step: 0.001, origin: None };
         others[2].encode.lock_borders = true;
@@ -135,11 +140,12 @@ mod tests {
         others[16].allow_empty = true;
         others[17].invalid = Invalid::Drop;
         others[18].asset_root = Some("/scans".into());
+        others[19].drop_isolated = true;
         let mut sums: Vec<[u8; 32]> = others.iter().map(Settings::checksum).collect();
         sums.push(plain.checksum());
         sums.sort_unstable();
         sums.dedup();
-        assert_eq!(sums.len(), 20);
+        assert_eq!(sums.len(), 21);
         // How closely is looked says nothing where nobody looks.
         assert_eq!(Settings { effort: Effort::Low, ..plain.clone() }.checksum(), plain.checksum());
         assert_eq!(drop_set(["uvs", " normals "]), Ok(DropSet { uvs: true, normals: true, ..DropSet::NONE }));

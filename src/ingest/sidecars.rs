@@ -7,10 +7,12 @@
 
 use super::error::{Failure, FailureKind};
 use super::location::Object;
+use super::output::TempFolder;
 use super::stamp::{checksum_with, source_checksum};
 use super::store::Store;
 use crate::image::jpeg::Working;
 use crate::io::beside::{Folder, open_regular, percent_decode, read_regular};
+use crate::io::files::Place as FilePlace;
 use crate::io::name;
 use crate::io::read::{DropSet, Format, Packing, drawn_images, mtl};
 use serde::Deserialize;
@@ -18,7 +20,6 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
@@ -47,8 +48,10 @@ pub(super) struct Sidecars {
     pub folder: Option<PathBuf>,
     /// SHA-256 of the source and of these files, see `docs/format/source-stamp.md`.
     pub checksum: [u8; 32],
+    /// The files themselves, where the source is local.
+    pub places: Vec<FilePlace>,
     /// Where they were put, if the source lies in a store.
-    held: Option<tempfile::TempDir>,
+    held: Option<TempFolder>,
 }
 
 impl Sidecars {
@@ -70,7 +73,7 @@ impl Sidecars {
             }
             Object::Stored(store, key) => Place::Store { store, key, held: None, root: root.and_then(Path::to_str) },
         };
-        let mut parts = Vec::new();
+        let (mut parts, mut paths) = (Vec::new(), Vec::new());
         let (mut bytes, mut images, mut working) = (0, 0, Working::default());
         let mut wanted = references(document, format, drop);
         // Names that differ often mean one file: it is read once.
@@ -87,14 +90,17 @@ impl Sidecars {
                 continue;
             };
             parts.push(part.checksum);
+            if matches!(object, Object::Local(_)) {
+                paths.push(FilePlace::of(&part.path));
+            }
             if known.insert(part.path.clone(), (part.bytes, part.checksum)).is_some() {
                 continue;
             }
             bytes += part.bytes;
             if kind == Kind::Image {
                 images += part.bytes;
-                let file = File::open(&part.path).ok();
-                let of = file.map_or(Working::default(), |f| Working::of(&mut BufReader::new(f), part.bytes));
+                let file = open_regular(&part.path).ok();
+                let of = file.map_or(Working::default(), |(f, _)| Working::of(&mut BufReader::new(f), part.bytes));
                 working = working.and(if wanted.drawn.contains(&name) { of } else { of.unseen() });
             }
             if kind == Kind::Library && !drop.images {
@@ -110,13 +116,38 @@ impl Sidecars {
             Place::Store { key, held: Some(held), .. } => (Some(held.path().join(folder_of(key))), Some(held)),
             Place::Store { .. } => (None, None),
         };
-        Ok(Sidecars { bytes, images, working, folder, checksum, held })
+        Ok(Sidecars { bytes, images, working, folder, checksum, places: paths, held })
     }
 
     /// The folder of all that came from a store: nothing else is in it.
     pub fn held(&self) -> Option<&Path> {
-        self.held.as_ref().map(tempfile::TempDir::path)
+        self.held.as_ref().map(TempFolder::path)
     }
+}
+
+/// The files beside a local mesh that reading it would look into, as far as they are there: libraries, images, buffers.
+/// `format`: where the name does not tell; `root`: the folder in which they lie, where it is not that of the mesh. Empty
+/// for what is no mesh.
+pub fn named_files(path: &Path, format: Option<Format>, root: Option<&Path>) -> Vec<PathBuf> {
+    let Some(format) = format.or_else(|| Format::from_path(path).ok()) else { return Vec::new() };
+    let Ok((file, _)) = open_regular(path) else { return Vec::new() };
+    let mut wanted = references_in(&mut BufReader::with_capacity(1 << 16, file), format, DropSet::NONE);
+    let base = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let (mut found, folder) = (Vec::new(), Folder::new(base, root));
+    let mut at = 0;
+    while at < wanted.names.len() && at < MOST {
+        let (kind, name) = wanted.names[at].clone();
+        at += 1;
+        let Some(file) = folder.find(&name) else { continue };
+        if kind == Kind::Library {
+            let mut library = Vec::new();
+            // What cannot be read names nothing.
+            let _ = read_regular(&file, &mut library);
+            wanted.images_of(&library);
+        }
+        found.push(file);
+    }
+    found
 }
 
 /// A file that is there.
@@ -132,7 +163,7 @@ type Known = BTreeMap<PathBuf, (u64, [u8; 32])>;
 /// Where the source lies.
 enum Place<'a> {
     Folder(PathBuf, Folder),
-    Store { store: &'a Store, key: &'a str, held: Option<tempfile::TempDir>, root: Option<&'a str> },
+    Store { store: &'a Store, key: &'a str, held: Option<TempFolder>, root: Option<&'a str> },
 }
 
 impl Place<'_> {
@@ -147,7 +178,7 @@ impl Place<'_> {
                 let temporary = |e: io::Error| Failure::writing("a temporary file", &e);
                 let folder = folder_of(key);
                 if held.is_none() {
-                    let made = tempfile::tempdir().map_err(temporary)?;
+                    let made = TempFolder::new().map_err(temporary)?;
                     if resolve("", folder).is_some() {
                         std::fs::create_dir_all(made.path().join(folder)).map_err(temporary)?;
                     }
@@ -265,23 +296,28 @@ impl References {
     }
 }
 
-fn references(document: &[u8], format: Format, drop: DropSet) -> References {
+fn references(mut document: &[u8], format: Format, drop: DropSet) -> References {
+    if format == Format::Obj && !may_name_libraries(document) {
+        return References::default();
+    }
+    references_in(&mut document, format, drop)
+}
+
+/// The same of a document that comes bit by bit, packed with gzip or not.
+fn references_in(document: &mut dyn BufRead, format: Format, drop: DropSet) -> References {
     let mut found = References::default();
-    let mut plain;
     let mut packed;
-    let mut input: &mut dyn BufRead = match Packing::of(document) {
+    let packing = document.fill_buf().ok().and_then(Packing::of);
+    let mut input: &mut dyn BufRead = match packing {
         Some(packing) => {
             packed = BufReader::with_capacity(1 << 16, packing.reader(document));
             &mut packed
         }
-        None => {
-            plain = document;
-            &mut plain
-        }
+        None => document,
     };
     // Damaged data ends the search where it ends reading; reading will say so.
     let _ = match format {
-        Format::Obj if !drop.materials && may_name_libraries(document) => obj(&mut input, &mut found),
+        Format::Obj if !drop.materials => obj(&mut input, &mut found),
         Format::Ply if !drop.materials && !drop.images => ply(&mut input, &mut found),
         Format::Gltf | Format::Glb => gltf(&mut input, drop, &mut found),
         _ => Ok(()),

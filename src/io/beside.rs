@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, SystemTime};
 
-use super::name;
+use super::{files, name};
 
 /// The folder of a mesh file, and what may be found from there.
 pub(crate) struct Folder {
@@ -127,12 +127,7 @@ fn list(folder: &Path) -> Option<Arc<Names>> {
 /// # Errors
 /// Those of the system; `InvalidInput` for what is no regular file.
 pub(crate) fn open_regular(path: &Path) -> io::Result<(File, u64)> {
-    if !fs::metadata(path)?.is_file() {
-        return Err(io::ErrorKind::InvalidInput.into());
-    }
-    let file = File::open(path)?;
-    let meta = file.metadata()?;
-    if meta.is_file() { Ok((file, meta.len())) } else { Err(io::ErrorKind::InvalidInput.into()) }
+    files::open_regular(path).map(|(file, meta)| (file, meta.len()))
 }
 
 /// The bytes of a regular file, no more than it has when it is opened.

@@ -6,6 +6,7 @@
 //! [`NO_VALUE`] for each corner, the latter at all corners of an element or at none, and its numbers are finite.
 
 mod appearance;
+mod isolated;
 pub mod lattice;
 mod layer;
 pub mod quantizer;

@@ -130,13 +130,23 @@ impl Quantizer {
             Precision::Bits(_) => 1.0,
         };
         let quantizer = Quantizer::Linear { origin, step };
-        for (c, &x) in values.iter().enumerate() {
-            let far = ((x - origin[c % width.max(1)]) / step).abs();
+        values.chunks(width.max(1)).try_for_each(|value| quantizer.check(layer, value))?;
+        Ok(quantizer)
+    }
+
+    /// See that a value of the layer `layer` is within the range of the integers.
+    ///
+    /// # Errors
+    /// [`QuantizerError::Range`] where it is not.
+    pub fn check(&self, layer: &str, value: &[f64]) -> Result<(), QuantizerError> {
+        let Quantizer::Linear { origin, step } = *self else { return Ok(()) };
+        for (&x, origin) in value.iter().zip(origin) {
+            let far = ((x - origin) / step).abs();
             if far.is_nan() || far >= LIMIT {
-                return Err(QuantizerError::Range { layer: name(), value: x, step });
+                return Err(QuantizerError::Range { layer: layer.to_string(), value: x, step });
             }
         }
-        Ok(quantizer)
+        Ok(())
     }
 
     /// Numbers that a quantized value of a layer of this kind and width has.

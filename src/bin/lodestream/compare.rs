@@ -1,8 +1,9 @@
 //! `lodestream compare`: how far two models are from each other, and how alike they look.
 
 use crate::Outcome;
+use crate::decode::Choice;
 use crate::model;
-use crate::output::Output;
+use crate::output::{Output, Outputs};
 use crate::progress::Bars;
 use crate::render::Look;
 use crate::shared::{self, Machine};
@@ -23,7 +24,7 @@ Examples:
   lodestream compare a.obj b.obj --samples 1000000 --weigh samples --json
 
 Distances are sampled: at vertices, along edges and on faces of one model, each to the nearest point of the other, in both
-directions. Pictures from 42 sides are compared by MS-SSIM: 1 means that they are equal.")]
+directions. A level is one of B. Pictures from 42 sides are compared by MS-SSIM: 1 means that they are equal.")]
 pub struct Args {
     /// The reference: a mesh or a .lods file
     #[arg(value_name = "A")]
@@ -31,9 +32,8 @@ pub struct Args {
     /// What is compared with it: a mesh or a .lods file
     #[arg(value_name = "B")]
     b: PathBuf,
-    /// The level of B, where that is a .lods file [default: the full one]
-    #[arg(long, value_name = "N")]
-    level: Option<u32>,
+    #[command(flatten)]
+    choice: Choice,
     #[command(flatten)]
     sampling: Sampling,
     #[command(flatten)]
@@ -99,11 +99,12 @@ impl Sampling {
 
 pub fn run(args: &Args) -> Result<Outcome> {
     let start = Instant::now();
-    let heatmap = args.heatmap.as_deref().map(Heatmap::new).transpose()?;
+    let mut outputs = Outputs::of([(args.a.as_path(), None), (args.b.as_path(), None)]);
+    let heatmap = args.heatmap.as_deref().map(|path| Heatmap::new(path, &mut outputs)).transpose()?;
     args.machine.run(|threads| {
         let bars = Bars::new(!args.json);
-        let a = model::load(&args.a, None, &args.machine, &bars)?;
-        let b = model::load(&args.b, args.level, &args.machine, &bars)?;
+        let a = model::load(&args.a, &Choice::default(), &args.machine, &bars)?;
+        let b = model::load(&args.b, &args.choice, &args.machine, &bars)?;
         for (path, model) in [(&args.a, &a), (&args.b, &b)] {
             if model.mesh.vertex_count() == 0 {
                 bail!("{}: there is nothing to compare: it has no vertices", path.display());
@@ -234,12 +235,12 @@ struct Heatmap {
 }
 
 impl Heatmap {
-    fn new(path: &Path) -> Result<Self> {
+    fn new(path: &Path, outputs: &mut Outputs) -> Result<Self> {
         let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
         if !["ply", "png"].contains(&extension.as_str()) {
             bail!("{}: a heatmap is a .ply file or a .png picture", path.display());
         }
-        Ok(Heatmap { output: Output::create(path)?, picture: extension == "png" })
+        Ok(Heatmap { output: outputs.create(path)?, picture: extension == "png" })
     }
 
     fn write(self, a: &Sampled<'_>, b: &Sampled<'_>, geometry: &Geometry) -> Result<()> {

@@ -1,15 +1,16 @@
 //! `lodestream decode`: a level of a `.lods` file into a mesh file.
 
 use crate::Outcome;
-use crate::output::Output;
+use crate::output::Outputs;
 use crate::progress::Bars;
 use crate::shared::{self, Machine};
 use crate::stream::Stream;
 use anyhow::{Context, Result, bail};
 use lodestream::format::container::FileIndex;
 use lodestream::format::decoder::DecodeOptions;
+use lodestream::io::read::Format;
 use serde_json::json;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 #[derive(clap::Args)]
@@ -19,15 +20,19 @@ Examples:
   lodestream decode bunny.lods -o preview.glb --max-vertices 5000
   lodestream decode scan.lods -o within_5mm.obj --max-error 0.005
   head -c 100000 scan.lods | lodestream decode - -o start.ply
+  lodestream decode scan.lods -o - --format ply | gzip > scan.ply.gz
 
 A file that is cut gives its best whole level and a warning; with --strict that is an error.")]
 pub struct Args {
     /// The .lods file; - for standard input
     #[arg(value_name = "IN.lods")]
     input: PathBuf,
-    /// The mesh to write: .obj, .ply (binary), .stl or .glb
+    /// The mesh to write: .obj, .ply (binary), .stl or .glb; - for standard output, with --format
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
+    /// The format to write, where the name of the output does not tell: obj, ply, stl or glb
+    #[arg(long, value_name = "FORMAT", value_parser = parse_written)]
+    format: Option<Format>,
     #[command(flatten)]
     choice: Choice,
     /// A file that is cut is an error
@@ -41,7 +46,7 @@ pub struct Args {
 }
 
 /// Which level; the full one when nothing is said.
-#[derive(clap::Args)]
+#[derive(Default, clap::Args)]
 #[group(multiple = false)]
 pub struct Choice {
     /// The level of this number, 0 is the coarsest
@@ -66,6 +71,22 @@ fn parse_error(text: &str) -> Result<f64, String> {
 }
 
 impl Choice {
+    /// The first bytes of the file to which all that is read is confined.
+    pub fn max_bytes(&self) -> Option<u64> {
+        self.max_bytes
+    }
+
+    /// The option that was given, if any.
+    pub fn given(&self) -> Option<&'static str> {
+        let given = [
+            (self.level.is_some(), "--level"),
+            (self.max_vertices.is_some(), "--max-vertices"),
+            (self.max_bytes.is_some(), "--max-bytes"),
+            (self.max_error.is_some(), "--max-error"),
+        ];
+        given.into_iter().find(|(given, _)| *given).map(|(_, name)| name)
+    }
+
     /// The number of the level asked for.
     pub fn pick(&self, front: &FileIndex) -> Result<u32> {
         let header = front.header();
@@ -101,35 +122,57 @@ impl Choice {
     }
 }
 
-/// Fail before any work where the output's extension names no format that can be written.
-fn check_extension(path: &Path) -> Result<()> {
+/// Formats that can be written.
+fn parse_written(text: &str) -> Result<Format, String> {
+    match shared::parse_format(text) {
+        Ok(format @ (Format::Obj | Format::Ply | Format::Stl | Format::Glb)) => Ok(format),
+        _ => Err("obj, ply, stl and glb can be written".to_string()),
+    }
+}
+
+/// The format to write.
+///
+/// # Errors
+/// Before any work where nothing names a format that can be written.
+fn format(args: &Args) -> Result<Format> {
+    if let Some(format) = args.format {
+        return Ok(format);
+    }
+    let path = &args.output;
+    if shared::is_dash(path) {
+        bail!("standard output: its format is not known; name it with --format, as in --format ply");
+    }
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-    if !["obj", "ply", "stl", "glb"].contains(&extension.as_str()) {
+    parse_written(&extension).ok().with_context(|| {
         let what = if extension.is_empty() {
             "a file without extension".into()
         } else {
             format!("the extension .{extension}")
         };
-        bail!("{}: {what} names no format that can be written; use .obj, .ply, .stl or .glb", path.display());
-    }
-    Ok(())
+        format!("{}: {what} names no format that can be written; use .obj, .ply, .stl or .glb", path.display())
+    })
 }
 
-/// The options of the decoder for a memory limit.
-pub fn options(memory_limit: Option<u64>) -> DecodeOptions {
-    memory_limit.map_or_else(DecodeOptions::default, |memory_limit| DecodeOptions { memory_limit })
+/// The options of the decoder on a machine.
+pub fn options(machine: &Machine) -> DecodeOptions {
+    DecodeOptions { memory_limit: machine.memory_limit() }
 }
 
 pub fn run(args: &Args) -> Result<Outcome> {
     let start = Instant::now();
-    check_extension(&args.output)?;
+    let format = format(args)?;
+    let to_standard = shared::is_dash(&args.output);
+    if to_standard && args.json {
+        bail!("--json and -o - cannot both have standard output; leave one out");
+    }
     let name = shared::name(&args.input);
     args.machine.run(|threads| {
-        let mut stream = Stream::open(&args.input)?;
+        let mut stream = Stream::open(&args.input, args.machine.memory_limit())?;
         let level = args.choice.pick(stream.front()).with_context(|| name.clone())?;
-        let mut output = Output::create(&args.output)?;
+        let mut outputs = Outputs::of([(args.input.as_path(), None)]);
+        let mut output = if to_standard { outputs.standard()? } else { outputs.create(&args.output)? };
         let bars = Bars::new(!args.json);
-        let mut reached = stream.decode(level, options(args.machine.memory_limit), &bars, |_, _| Ok(()))?;
+        let mut reached = stream.decode(level, options(&args.machine), &bars, |_, _| Ok(()))?;
         let mut warnings = Vec::new();
         if let Some(cut) = reached.cut {
             if args.strict || reached.level.is_none() {
@@ -161,11 +204,12 @@ pub fn run(args: &Args) -> Result<Outcome> {
         let decode_time = reached.decode_time + mesh_start.elapsed();
         let write_start = Instant::now();
         let lattice = &stream.front().header().lattice;
-        let left_out = output.write_mesh(&mesh, Some(lattice))?;
+        let left_out = output.write_mesh(format, &mesh, Some(lattice))?;
         output.commit()?;
         let write_seconds = shared::seconds(write_start);
         warnings.iter().for_each(|w| shared::warn(format!("{name}: {w}")));
-        left_out.iter().for_each(|w| shared::warn(format!("{}: {w}", args.output.display())));
+        let target = if to_standard { "standard output".to_string() } else { args.output.display().to_string() };
+        left_out.iter().for_each(|w| shared::warn(format!("{target}: {w}")));
         warnings.extend(left_out.iter().map(ToString::to_string));
         let header = stream.front().header();
         let (levels, error) = (header.levels.len(), header.error(level));
@@ -184,7 +228,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
                 "threads": threads,
                 "warnings": warnings,
             }))?;
-        } else {
+        } else if !to_standard {
             let within = match error {
                 Some(e) if e.is_finite() => format!("at most {e:.6} from the input"),
                 _ => "not known".to_string(),

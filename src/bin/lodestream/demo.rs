@@ -2,13 +2,14 @@
 
 use crate::Outcome;
 use crate::encode::{bits_per_vertex, stage_name};
-use crate::output::Output;
+use crate::output::Outputs;
 use crate::progress::Bars;
 use crate::shared::{self, Machine};
 use crate::stream::Stream;
 use anyhow::{Context, Result, bail};
 use lodestream::encode::cost::Engine;
 use lodestream::encode::{self, Control, EncodeOptions, Progress};
+use lodestream::io::read::Format;
 use lodestream::mesh::Mesh;
 use lodestream::quality::exact;
 use lodestream::quality::picture::{self, Picture, Shading, Tile, View};
@@ -51,8 +52,9 @@ pub fn run(args: &Args) -> Result<Outcome> {
         // Four fifths of the vertices in one closed surface, the rest in crumbs of a bit less than three each.
         let frequency = (f64::from(args.vertices) * 0.08).sqrt().max(1.0) as u32;
         let mesh = samples::ringed_asteroid(frequency, args.vertices / 14, u64::from(args.seed));
-        let mut output = Output::create(&source)?;
-        output.write_mesh(&mesh, None)?;
+        let mut outputs = Outputs::of([]);
+        let mut output = outputs.create(&source)?;
+        output.write_mesh(Format::Ply, &mesh, None)?;
         output.commit()?;
         shared::print(&format!(
             "made     {}: {} vertices, {} faces, an asteroid in a ring of {} loose pieces\n",
@@ -73,7 +75,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
         )?;
         bars.finish();
         let encode_seconds = start.elapsed().as_secs_f64();
-        let output = Output::create(&file)?;
+        let output = outputs.create(&file)?;
         output.write(|out| out.write_all(&encoded.bytes))?;
         output.commit()?;
         let bytes = encoded.bytes.len() as u64;
@@ -92,7 +94,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
         }
         let title = format!("lodestream: one file of {}, {} of its levels", shared::human_bytes(bytes), tiles.len());
         let picture = picture::contact_sheet(&title, &tiles, 3);
-        let output = Output::create(&sheet)?;
+        let output = outputs.create(&sheet)?;
         output.write(|out| picture.write_png(out))?;
         output.commit()?;
         if io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none() {
@@ -119,7 +121,7 @@ fn decode_and_draw(
     bars: &Bars,
 ) -> Result<(Vec<Tile>, Mesh, lodestream::mesh::lattice::Lattice)> {
     let view = View::z_up(source, -0.5, 0.35);
-    let mut stream = Stream::new(file.display().to_string(), Box::new(Cursor::new(bytes)))?;
+    let mut stream = Stream::new(file.display().to_string(), Box::new(Cursor::new(bytes)), u64::MAX)?;
     let front = stream.front().clone();
     let full = front.full_level();
     // The levels nearest to 2/5 of the vertices, 2/5 of those, and so on.

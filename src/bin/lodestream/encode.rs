@@ -2,10 +2,10 @@
 
 use crate::Outcome;
 use crate::device::{self, DeviceArgs};
-use crate::output::Output;
+use crate::output::{Output, Outputs};
 use crate::progress::Bars;
 use crate::shared::{self, Input, Machine};
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use lodestream::encode::pipeline::Pipeline;
 use lodestream::encode::quality_order::{self, Effort, Order, Scheduled};
@@ -14,7 +14,8 @@ use lodestream::encode::{Control, EncodeOptions, EncodeReport, Encoded, ImageRep
 use lodestream::image::jpeg::{Exactness, Treatment, Unsupported};
 use lodestream::image::preview::Previews;
 use lodestream::image::recompress::{Recompressed, Sampling, Textures};
-use lodestream::io::read::{DropSet, Invalid, ReadMesh, ReadOptions};
+use lodestream::ingest::{Settings, predicted_peak};
+use lodestream::io::read::{DropSet, Invalid, ReadMesh, ReadOptions, Survey};
 use lodestream::mesh::NO_VALUE;
 use lodestream::mesh::lattice::Quantization;
 use lodestream::mesh::quantizer::Precision;
@@ -52,7 +53,11 @@ pub struct Args {
     /// Leave out attributes, materials or the bytes of images
     #[arg(long, value_name = "WHAT", value_enum, value_delimiter = ',')]
     drop: Vec<Layer>,
-    /// Write the new number of each vertex of the input, one per line; - for one that was dropped
+    /// What becomes of vertices that no face or edge uses: keep, or drop; points without any face are always kept
+    #[arg(long, value_name = "WHAT", value_enum, default_value = "keep")]
+    isolated: Isolated,
+    /// Write the new number of each vertex of the input, one per line; - for an invalid one that was dropped, isolated for a dropped
+    /// isolated one
     #[arg(long, value_name = "FILE")]
     map: Option<PathBuf>,
     #[command(flatten)]
@@ -160,7 +165,7 @@ impl ImageArgs {
     }
 
     /// The way from a mesh to its file, with these options for the mesh.
-    pub fn pipeline(&self, mut options: EncodeOptions, memory_limit: Option<u64>) -> Pipeline {
+    pub fn pipeline(&self, mut options: EncodeOptions, memory_limit: u64) -> Pipeline {
         options.images = self.exactness();
         if let Order::Fixed(schedule) = self.schedule {
             options.schedule = schedule;
@@ -168,7 +173,7 @@ impl ImageArgs {
         let looks = quality_order::Options {
             effort: self.schedule_effort,
             // The file is our own: what it takes has been there before.
-            memory_limit: memory_limit.unwrap_or(u64::MAX),
+            memory_limit,
             ..quality_order::Options::default()
         };
         Pipeline { encode: options, textures: self.texture(), previews: self.previews, order: self.schedule, looks }
@@ -275,6 +280,44 @@ impl ReadingArgs {
     }
 }
 
+/// What becomes of vertices that no element uses.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Isolated {
+    Keep,
+    Drop,
+}
+
+/// Leave out the vertices of a mesh that no element uses; how many they are.
+fn drop_isolated(read: &mut ReadMesh) -> usize {
+    let number = read.mesh.drop_isolated();
+    for v in read.map.iter_mut().filter(|v| **v != NO_VALUE) {
+        *v = number.get(*v as usize).copied().flatten().unwrap_or(NO_VERTEX);
+    }
+    number.iter().filter(|n| n.is_none()).count()
+}
+
+/// See that encoding a mesh stays within the limit, before anything is spent on it.
+fn foresee(args: &Args, read: &ReadMesh, options: &EncodeOptions) -> Result<()> {
+    let settings = Settings {
+        encode: options.clone(),
+        textures: args.images.texture(),
+        previews: args.images.previews,
+        by_quality: args.images.by_quality(),
+        effort: args.images.schedule_effort,
+        ..Settings::default()
+    };
+    let survey = Survey::of_mesh(&read.mesh, read.map.len() as u64);
+    let needs = predicted_peak(&survey, 0, Default::default(), &settings, false);
+    let limit = args.machine.memory_limit();
+    if needs > limit {
+        let [needs, limit] = [needs, limit].map(shared::human_bytes);
+        bail!(
+            "encoding it takes about {needs} of memory, and {limit} are allowed; raise --memory-limit or cut the mesh into tiles"
+        );
+    }
+    Ok(())
+}
+
 /// What `--drop` can name.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Layer {
@@ -331,16 +374,19 @@ pub fn stage_name(stage: Stage) -> &'static str {
 
 pub fn run(args: &Args) -> Result<Outcome> {
     let start = Instant::now();
-    let output = Output::create(&args.output)?;
-    let map = args.map.as_deref().map(Output::create).transpose()?;
+    let mut outputs =
+        Outputs::with_assets([(args.input.path.as_path(), args.input.format)], args.reading.asset_root.as_deref());
+    let output = outputs.create(&args.output)?;
+    let map = args.map.as_deref().map(|path| outputs.create(path)).transpose()?;
+    let trace_file = args.trace.as_deref().map(|path| outputs.create(path)).transpose()?;
     let bars = Bars::new(!args.json);
     let options = args.precision.options(args.lattice.quantization(), args.lock_borders);
-    let pipeline = args.images.pipeline(options, args.machine.memory_limit);
+    let pipeline = args.images.pipeline(options, args.machine.memory_limit());
     let name = shared::name(&args.input.path);
     args.machine.run(|threads| {
         let read_options = ReadOptions {
             weld: args.weld.choice(),
-            memory_limit: args.machine.memory_limit,
+            memory_limit: Some(args.machine.memory_limit()),
             drop: drop_set(&args.drop),
             allow_empty: args.reading.allow_empty,
             invalid: args.reading.invalid(),
@@ -348,8 +394,13 @@ pub fn run(args: &Args) -> Result<Outcome> {
         };
         let mut read = args.input.read(&read_options)?;
         let read_seconds = shared::seconds(start);
-        let warnings: Vec<String> = read.warnings.iter().map(ToString::to_string).collect();
+        let mut warnings: Vec<String> = read.warnings.iter().map(ToString::to_string).collect();
         warnings.iter().for_each(|w| shared::warn(format!("{name}: {w}")));
+        let dropped = if args.isolated == Isolated::Drop { drop_isolated(&mut read) } else { 0 };
+        if dropped > 0 {
+            shared::warn(format!("{name}: {dropped} vertices that nothing uses are left out"));
+        }
+        foresee(args, &read, &pipeline.encode).with_context(|| name.clone())?;
         let recompressed = pipeline.prepare(&mut read.mesh.appearance);
         // Who asked for JPEG learns what is none; who did not, what is.
         let asked = args.images.texture.is_some();
@@ -368,6 +419,9 @@ pub fn run(args: &Args) -> Result<Outcome> {
         if let Some(why) = &encoded.report.fallback {
             device::fell_back(why);
         }
+        let losses: Vec<String> = encoded.report.loss.warnings().iter().map(ToString::to_string).collect();
+        losses.iter().for_each(|w| shared::warn(format!("{name}: {w}")));
+        warnings.extend(losses);
         for image in &encoded.report.images {
             // A PNG is none for a reason that nobody needs to be told.
             if let Treatment::Kept(odd) = image.way
@@ -376,8 +430,8 @@ pub fn run(args: &Args) -> Result<Outcome> {
                 shared::warn(format!("{name}: {}: kept as it is: {odd}", image.name));
             }
         }
-        if let Some(path) = &args.trace {
-            std::fs::write(path, trace.to_json()).with_context(|| path.display().to_string())?;
+        if let Some(file) = &trace_file {
+            file.write(|out| out.write_all(trace.to_json().as_bytes()))?;
         }
         let write_start = Instant::now();
         output.write(|out| out.write_all(&encoded.bytes))?;
@@ -386,6 +440,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
         }
         output.commit()?;
         map.map_or(Ok(()), Output::commit)?;
+        trace_file.map_or(Ok(()), Output::commit)?;
         let seconds = [read_seconds, shared::seconds(write_start), shared::seconds(start)];
         if args.json {
             let mut object = account(&encoded, seconds);
@@ -406,6 +461,12 @@ pub fn run(args: &Args) -> Result<Outcome> {
     })
 }
 
+/// Instead of a vertex: an isolated one that was left out.
+pub const NO_VERTEX: u32 = u32::MAX - 1;
+
+/// The same in a map.
+pub const ISOLATED: &str = "isolated";
+
 /// One line per vertex record of the input: the vertex it has become.
 fn write_map(out: &mut dyn Write, read: &ReadMesh, encoded: &Encoded) -> std::io::Result<()> {
     let mut out = BufWriter::new(out);
@@ -416,6 +477,7 @@ fn write_map(out: &mut dyn Write, read: &ReadMesh, encoded: &Encoded) -> std::io
             continue;
         }
         match encoded.map.get(vertex as usize) {
+            None if vertex == NO_VERTEX => writeln!(out, "{ISOLATED}")?,
             Some(new) => writeln!(out, "{new}")?,
             None => return Err(std::io::Error::other("the reader and the encoder disagree on the vertices")),
         }
@@ -454,6 +516,9 @@ fn account(encoded: &Encoded, seconds: [f64; 3]) -> Value {
             "reason": match i.way { Treatment::Kept(odd) => Some(odd.to_string()), _ => None },
         })).collect::<Vec<_>>(),
         "levels": report.levels,
+        "lattice_step": report.loss.step,
+        "largest_shift": report.loss.shift,
+        "merged_places": report.loss.merged,
         "edges_weighed": report.edges_weighed,
         "seconds": {
             "read": seconds[0],
@@ -551,6 +616,7 @@ fn summary(
         ("faces", shared::thousands(report.faces as u64)),
         ("components", shared::thousands(report.components as u64)),
         ("levels", report.levels.to_string()),
+        ("shift", format!("at most {:.3e}, on a lattice of step {:.3e}", report.loss.shift, report.loss.step)),
         ("size", format!("{}{rate}", shared::human_bytes(bytes))),
         ("  of it", kinds.join(", ")),
     ];

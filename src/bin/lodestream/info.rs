@@ -57,7 +57,7 @@ fn bytes_by_kind(front: &FileIndex, level: u32) -> Vec<(&'static str, u64)> {
 }
 
 pub fn run(args: &Args) -> Result<Outcome> {
-    let stream = Stream::open(&args.input)?;
+    let stream = Stream::open(&args.input, lodestream::ingest::default_memory())?;
     if args.json {
         shared::print_json(&object(&stream))?;
     } else {

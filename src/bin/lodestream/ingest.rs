@@ -2,7 +2,7 @@
 
 use crate::Outcome;
 use crate::device::DeviceArgs;
-use crate::encode::{ImageArgs, LatticeArgs, PrecisionArgs, ReadingArgs, WeldArgs, stage_name};
+use crate::encode::{ImageArgs, Isolated, LatticeArgs, PrecisionArgs, ReadingArgs, WeldArgs, stage_name};
 use crate::ingest_progress::{LogFormat, Watch};
 use crate::shared::{self, parse_size};
 use anyhow::{Result, anyhow};
@@ -46,6 +46,9 @@ pub struct Args {
     weld: WeldArgs,
     #[command(flatten)]
     reading: ReadingArgs,
+    /// What becomes of vertices that no face or edge uses
+    #[arg(long, value_name = "WHAT", value_enum, default_value = "keep")]
+    isolated: Isolated,
     /// Leave out attributes without a warning
     #[arg(long, value_name = "WHAT", value_delimiter = ',', value_parser = parse_drop)]
     drop: Vec<String>,
@@ -69,6 +72,9 @@ pub struct Args {
     /// Do only the K-th of N parts, for N machines: 1/4 to 4/4
     #[arg(long, value_name = "K/N", value_parser = parse_shard)]
     shard: Option<Shard>,
+    /// Take hidden files and folders too, as .git, ._scan.obj and __MACOSX; otherwise they are passed over and counted
+    #[arg(long)]
+    hidden: bool,
     /// Write a report: .json or .html
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
@@ -123,6 +129,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
         allow_empty: args.reading.allow_empty,
         invalid: args.reading.invalid(),
         asset_root: args.reading.asset_root.clone(),
+        drop_isolated: args.isolated == Isolated::Drop,
         by_quality: false,
         textures: args.images.texture(),
         previews: args.images.previews,
@@ -140,6 +147,7 @@ pub fn run(args: &Args) -> Result<Outcome> {
         OnErrorArg::Stop => OnError::Stop,
     };
     plan.report.clone_from(&args.report);
+    plan.hidden = args.hidden;
     plan.retries = Retries {
         times: args.retries,
         within: Duration::from_secs(args.retry_within),

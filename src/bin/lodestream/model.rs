@@ -1,6 +1,6 @@
 //! Models as `compare`, `render` and `report` take them: a mesh file, or a level of a `.lods` file.
 
-use crate::decode;
+use crate::decode::{self, Choice};
 use crate::progress::Bars;
 use crate::shared::{self, Machine};
 use crate::stream::Stream;
@@ -21,28 +21,24 @@ pub fn is_lods(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("lods"))
 }
 
-/// Read a mesh, or decode a `.lods` file up to `level` (the full one where none is named).
-pub fn load(path: &Path, level: Option<u32>, machine: &Machine, bars: &Bars) -> Result<Model> {
+/// Read a mesh, or decode a `.lods` file up to a level (the full one where none is chosen).
+pub fn load(path: &Path, choice: &Choice, machine: &Machine, bars: &Bars) -> Result<Model> {
     if !is_lods(path) {
-        if level.is_some() {
-            bail!("{}: levels are in .lods files; leave --level out", shared::name(path));
+        if let Some(option) = choice.given() {
+            bail!("{}: levels are in .lods files; leave {option} out", shared::name(path));
         }
         // What has no place has no distance and is not seen.
-        let (memory_limit, invalid) = (machine.memory_limit, Invalid::Drop);
+        let (memory_limit, invalid) = (Some(machine.memory_limit()), Invalid::Drop);
         let options = ReadOptions { memory_limit, invalid, allow_empty: true, ..ReadOptions::default() };
         return Ok(Model { mesh: shared::read_mesh(path, None, &options)?.mesh, level: None });
     }
     let name = shared::name(path);
-    let mut stream = Stream::open(path)?;
-    let full = stream.front().full_level();
-    let level = level.unwrap_or(full);
-    if level > full {
-        bail!("{name}: there is no level {level}: the levels are 0 to {full}; see lodestream info");
-    }
-    let mut reached = stream.decode(level, decode::options(machine.memory_limit), bars, |_, _| Ok(()))?;
+    let mut stream = Stream::open(path, machine.memory_limit())?;
+    let level = choice.pick(stream.front()).with_context(|| name.clone())?;
+    let mut reached = stream.decode(level, decode::options(machine), bars, |_, _| Ok(()))?;
     if let Some(cut) = reached.cut {
         return Err(cut).context(name);
     }
-    stream.pictures(&mut reached.decoder, u64::MAX)?;
+    stream.pictures(&mut reached.decoder, choice.max_bytes().unwrap_or(u64::MAX))?;
     Ok(Model { mesh: reached.decoder.to_mesh(), level: Some(level) })
 }

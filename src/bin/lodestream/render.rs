@@ -1,8 +1,9 @@
 //! `lodestream render`: a picture of a mesh or of a level.
 
 use crate::Outcome;
+use crate::decode::Choice;
 use crate::model;
-use crate::output::Output;
+use crate::output::Outputs;
 use crate::progress::Bars;
 use crate::shared::{self, Machine};
 use anyhow::{Result, bail};
@@ -25,9 +26,8 @@ pub struct Args {
     /// The picture: .png
     #[arg(short, long, value_name = "OUT.png")]
     output: PathBuf,
-    /// The level of a .lods file [default: the full one]
-    #[arg(long, value_name = "N")]
-    level: Option<u32>,
+    #[command(flatten)]
+    choice: Choice,
     /// From where: front, back, left, right, top, bottom, or YAW,PITCH in degrees
     #[arg(long, value_name = "VIEW", default_value = "25,20", value_parser = parse_view, allow_hyphen_values = true)]
     view: [f64; 2],
@@ -124,8 +124,8 @@ pub fn run(args: &Args) -> Result<Outcome> {
         bail!("{}: pictures are written as .png", args.output.display());
     }
     args.machine.run(|_| {
-        let output = Output::create(&args.output)?;
-        let model = model::load(&args.input, args.level, &args.machine, &Bars::new(true))?;
+        let output = Outputs::of([(args.input.as_path(), None)]).create(&args.output)?;
+        let model = model::load(&args.input, &args.choice, &args.machine, &Bars::new(true))?;
         let scene = Scene::new(&model.mesh, args.shading.shading());
         scene.warnings().iter().for_each(|w| shared::warn(format!("{}: {w}", shared::name(&args.input))));
         let mut view = view(&model.mesh, args.view, args.up);

@@ -1,7 +1,9 @@
 //! What several commands need: how options are written, memory and time, JSON, warnings.
 
 use anyhow::{Context, Result, bail};
+use lodestream::io::files;
 use lodestream::io::read::{self, Format, ReadMesh, ReadOptions};
+use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -11,7 +13,20 @@ use std::time::Instant;
 pub fn complain(message: &str) {
     let line: Vec<&str> = message.split_whitespace().collect();
     // Nobody is left to tell when this fails.
-    let _ = writeln!(io::stderr().lock(), "lodestream: {}", line.join(" "));
+    let _ = writeln!(io::stderr().lock(), "lodestream: {}", escape(&line.join(" ")));
+}
+
+/// Text for a terminal: what would steer it, or turn the direction of writing, is spelled out. Names of files may hold both.
+pub fn escape(text: &str) -> Cow<'_, str> {
+    let steers = |c: char| {
+        c.is_control()
+            || matches!(c, '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}')
+    };
+    if !text.contains(steers) {
+        return Cow::Borrowed(text);
+    }
+    let spelled = |c: char| if steers(c) { c.escape_default().to_string() } else { c.to_string() };
+    Cow::Owned(text.chars().map(spelled).collect())
 }
 
 /// A warning on standard error.
@@ -41,12 +56,17 @@ pub struct Machine {
     /// Worker threads [default: one per core]; the result does not depend on it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// Refuse work that needs more memory, as in 500MB or 2GiB
+    /// Refuse work that needs more memory, as in 500MB or 2GiB [default: four fifths of what is free]
     #[arg(long, value_name = "SIZE", value_parser = parse_size)]
-    pub memory_limit: Option<u64>,
+    memory_limit: Option<u64>,
 }
 
 impl Machine {
+    /// The most bytes of memory that the work may take.
+    pub fn memory_limit(&self) -> u64 {
+        self.memory_limit.unwrap_or_else(lodestream::ingest::default_memory)
+    }
+
     /// Run `work` on a thread pool of the chosen size, and hand it that size.
     pub fn run<T: Send>(&self, work: impl FnOnce(usize) -> Result<T> + Send) -> Result<T> {
         let pool = rayon::ThreadPoolBuilder::new()
@@ -85,9 +105,9 @@ pub fn read_mesh(path: &Path, format: Option<Format>, options: &ReadOptions) -> 
     if is_dash(path) {
         return Ok(read::read_from(io::stdin().lock(), "standard input", format, None, options)?);
     }
-    let bytes = read_file(path)?;
+    let file = open(path)?;
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    Ok(read::read_from(&bytes[..], &path.display().to_string(), format, Some(folder), options)?)
+    Ok(read::read_from(file, &path.display().to_string(), format, Some(folder), options)?)
 }
 
 /// `-` stands for standard input.
@@ -121,9 +141,11 @@ pub fn open(path: &Path) -> Result<Box<dyn io::Read>> {
         return Ok(Box::new(io::stdin()));
     }
     let shown = path.display();
-    let opened = std::fs::metadata(path).and_then(|meta| {
-        if meta.is_dir() { Err(io::ErrorKind::IsADirectory.into()) } else { std::fs::File::open(path) }
-    });
+    let opened = if files::is_descriptor(path) {
+        std::fs::File::open(path)
+    } else {
+        files::open_regular(path).map(|(file, _)| file)
+    };
     match opened {
         Ok(file) => Ok(Box::new(file)),
         Err(e) => match e.kind() {
@@ -133,6 +155,9 @@ pub fn open(path: &Path) -> Result<Box<dyn io::Read>> {
             }
             io::ErrorKind::PermissionDenied => {
                 bail!("{shown}: no permission to read it; check the owner and mode of the file")
+            }
+            io::ErrorKind::InvalidInput => {
+                bail!("{shown}: cannot be read: {e}; pipes are read as standard input, named -")
             }
             _ => bail!("{shown}: cannot be read: {e}"),
         },
@@ -212,7 +237,7 @@ pub fn human_bytes(n: u64) -> String {
 pub fn table(rows: &[(&str, String)]) -> String {
     let width = rows.iter().map(|(label, _)| label.len()).max().unwrap_or(0);
     rows.iter().fold(String::new(), |mut out, (label, value)| {
-        let _ = writeln!(out, "{label:width$}  {value}");
+        let _ = writeln!(out, "{label:width$}  {}", escape(value));
         out
     })
 }

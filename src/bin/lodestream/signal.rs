@@ -8,10 +8,13 @@ const STOPPED: i32 = 130;
 /// asked to be ignored (`nohup`, jobs in the background of a script) stays ignored.
 #[cfg(unix)]
 pub fn clean_up_when_stopped() {
-    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
     use signal_hook::iterator::Signals;
+    use std::sync::{Arc, atomic::AtomicBool};
 
     let ignored = ignored();
+    // A file beyond the limit of the shell (`ulimit -f`) is an error of writing, as a full disk is, and no end of the program.
+    let _ = signal_hook::flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)));
     let heard = [SIGINT, SIGTERM, SIGHUP].into_iter().filter(|signal| ignored >> (signal - 1) & 1 == 0);
     // Where that cannot be had, a signal ends the program as it does any other.
     let Ok(mut signals) = Signals::new(heard) else { return };

@@ -36,13 +36,13 @@ pub struct Reached {
 }
 
 impl Stream {
-    /// Open a file or standard input and read its front.
-    pub fn open(path: &Path) -> Result<Self> {
-        Self::new(shared::name(path), shared::open(path)?)
+    /// Open a file or standard input and read its front, which may take so many bytes of memory.
+    pub fn open(path: &Path, memory_limit: u64) -> Result<Self> {
+        Self::new(shared::name(path), shared::open(path)?, memory_limit)
     }
 
     /// Read the front of what `source` gives; `name` stands for it in errors.
-    pub fn new(name: String, mut source: Box<dyn Read>) -> Result<Self> {
+    pub fn new(name: String, mut source: Box<dyn Read>, memory_limit: u64) -> Result<Self> {
         let (mut bytes, mut read_time) = (Vec::new(), Duration::ZERO);
         let mut need = MAGIC.len() as u64 + 2;
         loop {
@@ -50,7 +50,7 @@ impl Stream {
             let wanted = need.saturating_sub(have);
             read_time += read(&mut source, &mut bytes, wanted).with_context(|| format!("{name}: cannot be read"))?;
             let ended = (bytes.len() as u64) < need;
-            match FileIndex::parse(&bytes).with_context(|| name.clone())? {
+            match FileIndex::parse_within(&bytes, memory_limit).with_context(|| name.clone())? {
                 Parsed::Ready(front) => {
                     let bytes_read = bytes.len() as u64;
                     return Ok(Stream { name, source, front, pending: bytes, bytes_read, read_time });

@@ -1,6 +1,7 @@
 //! `lodestream verify`: every checksum, every level, and the comparison with the source.
 
 use crate::Outcome;
+use crate::encode::{ISOLATED, NO_VERTEX};
 use crate::progress::Bars;
 use crate::shared::{self, Machine};
 use crate::stream::Stream;
@@ -8,6 +9,7 @@ use anyhow::{Context, Result, bail};
 use lodestream::format::container::Header;
 use lodestream::image::is_jpeg;
 use lodestream::io::read::{Format, Invalid, ReadOptions};
+use lodestream::mesh::lattice::{Lattice, used_vertices};
 use lodestream::mesh::{Image, Mesh};
 use lodestream::quality::exact::{self, Difference};
 use serde_json::json;
@@ -47,11 +49,11 @@ pub fn run(args: &Args) -> Result<Outcome> {
     let start = Instant::now();
     let name = shared::name(&args.input);
     args.machine.run(|_| {
-        let mut stream = Stream::open(&args.input)?;
+        let mut stream = Stream::open(&args.input, args.machine.memory_limit())?;
         let full = stream.front().full_level();
         let rows = stream.front().header().levels.clone();
         let bars = Bars::new(!args.json);
-        let options = crate::decode::options(args.machine.memory_limit);
+        let options = crate::decode::options(&args.machine);
         let mut reached = stream.decode(full, options, &bars, |level, decoder| {
             // The level table is under its own checksum, so a level that disagrees with it was encoded wrongly.
             let (faces, vertices) = (decoder.faces().len(), decoder.complex().positions.len());
@@ -90,6 +92,8 @@ pub fn run(args: &Args) -> Result<Outcome> {
                 "bytes": stream.bytes_read(),
                 "sound": true,
                 "test": test,
+                "lattice_step": header.lattice.step,
+                "largest_shift": verdict.as_ref().and_then(|v| v.shift),
                 "equal": verdict.as_ref().map(|v| v.difference.is_none()),
                 "layers": mesh.layers.iter().map(|l| &l.name).collect::<Vec<_>>(),
                 "not_kept": verdict.as_ref().map(|v| &v.not_kept),
@@ -110,8 +114,14 @@ pub fn run(args: &Args) -> Result<Outcome> {
                     n => format!(", with {n} attribute layer{}", if n == 1 { "" } else { "s" }),
                 };
                 let (vertices, faces) = (mesh.vertex_count(), mesh.face_count());
-                let equal = format!("all {vertices} vertices and {faces} faces{layers} are equal");
+                let step = header.lattice.step;
+                let equal = format!(
+                    "all {vertices} vertices and {faces} faces{layers} are equal to the source on a lattice of step {step:.3e}"
+                );
                 rows.push(("source", if difference.is_none() { equal } else { "NOT equal".to_string() }));
+            }
+            if let Some(shift) = verdict.as_ref().and_then(|v| v.shift) {
+                rows.push(("shift", format!("at most {shift:.3e}")));
             }
             if let Some(v) = verdict.as_ref().filter(|v| !v.not_kept.is_empty()) {
                 rows.push(("not kept", v.not_kept.join(", ")));
@@ -129,6 +139,8 @@ struct Verdict {
     /// Whether the comparison went through the map.
     complete: bool,
     difference: Option<Difference>,
+    /// How far the farthest vertex of the source is from its place in the file; `None` where the lattice does not reach it.
+    shift: Option<f64>,
     /// Attributes of the source that the file leaves out.
     not_kept: Vec<String>,
 }
@@ -141,20 +153,26 @@ fn against(args: &Args, source: &Path, decoded: &Mesh, header: &Header) -> Resul
     }
     let read = |weld| {
         // What encoding needs to be told, its output shows.
-        let (memory_limit, invalid) = (args.machine.memory_limit, Invalid::Drop);
+        let (memory_limit, invalid) = (Some(args.machine.memory_limit()), Invalid::Drop);
         let options = ReadOptions { weld, memory_limit, invalid, allow_empty: true, ..ReadOptions::default() };
         shared::read_mesh(source, args.format, &options)
     };
     if let Some(path) = &args.map {
         // A map speaks of the records of the file, so they are compared as they stand there.
-        let map = read_map(path)?;
+        let mut map = read_map(path)?;
         let mut mesh = read(Some(false))?.mesh;
+        let dropped = map.contains(&NO_VERTEX).then(|| {
+            let number = mesh.retain_isolated(|v| map.get(v as usize) != Some(&NO_VERTEX));
+            not_used(&number)
+        });
+        map.retain(|v| *v != NO_VERTEX);
         drop_welded_edges(&mut mesh, &map);
-        let not_kept = leave_out(&mut mesh, decoded);
+        let mut not_kept = leave_out(&mut mesh, decoded);
+        not_kept.extend(dropped);
         let difference = exact::by_map(&mesh, decoded, lattice, &map)
             .and_then(|()| exact::attributes_by_map(&mesh, decoded, &map, &key))
             .err();
-        return Ok(Verdict { complete: true, difference, not_kept });
+        return Ok(Verdict { complete: true, difference, shift: shift(&mesh, lattice), not_kept });
     }
     // Whether the encoder was told to weld the file does not say; the number of vertices does.
     let mut mesh = read(None)?.mesh;
@@ -167,11 +185,26 @@ fn against(args: &Args, source: &Path, decoded: &Mesh, header: &Header) -> Resul
             }
         }
     }
-    let not_kept = leave_out(&mut mesh, decoded);
+    let used = used_vertices(mesh.vertex_count(), &mesh.corners).iter().filter(|used| **used).count();
+    let is_dropped = mesh.vertex_count() != decoded.vertex_count() && used == decoded.vertex_count();
+    let dropped = is_dropped.then(|| not_used(&mesh.drop_isolated()));
+    let mut not_kept = leave_out(&mut mesh, decoded);
+    not_kept.extend(dropped);
     let difference = exact::by_position(&mesh, decoded, lattice)
         .and_then(|()| exact::attributes_by_position(&mesh, decoded, lattice, &key))
         .err();
-    Ok(Verdict { complete: false, difference, not_kept })
+    Ok(Verdict { complete: false, difference, shift: shift(&mesh, lattice), not_kept })
+}
+
+/// What an encoder was told to leave out, in words.
+fn not_used(number: &[Option<u32>]) -> String {
+    format!("{} vertices that nothing uses", number.iter().filter(|n| n.is_none()).count())
+}
+
+/// How far the farthest vertex is from its lattice point.
+fn shift(source: &Mesh, lattice: &Lattice) -> Option<f64> {
+    let quantized = lattice.quantize(&source.positions).ok()?;
+    Some(lattice.largest_shift(&source.positions, &quantized))
 }
 
 /// Take from a source what its encoder was told to drop, and name it.
@@ -235,7 +268,8 @@ fn read_map(path: &Path) -> Result<Vec<u32>> {
         .enumerate()
         .filter(|(_, line)| line.trim() != "-")
         .map(|(i, line)| {
-            line.trim().parse::<u32>().ok().with_context(|| {
+            let number = if line.trim() == ISOLATED { Some(NO_VERTEX) } else { line.trim().parse::<u32>().ok() };
+            number.with_context(|| {
                 let shown: String = line.chars().take(20).collect();
                 format!(
                     "{}, line {}: {shown:?} is no vertex number; give the file that encode --map wrote",

@@ -10,10 +10,10 @@
 //! Displayed positions are meant: the middle of the cell. Polygons of more than three corners are what `metric::bound` says:
 //! the triangles between their edges and the mean of their corners.
 
+use super::nearest::Nearest;
 use crate::encode::cost::{BoundScratch, Class, Gatherer, Patch, hausdorff_between, hausdorff_bound};
 use crate::format::complex::{Coarsened, Level, NONE, Star};
 use rayon::prelude::*;
-use std::collections::HashMap;
 
 /// Splits that one task bounds.
 const CHUNK: usize = 512;
@@ -156,50 +156,10 @@ fn occupancy_known(c: &Coarsened, error: &[f32], drop: f32, out: &mut [f32]) {
         return;
     }
     let shift = c.level.shift as u32;
-    let stay = &c.level.positions;
-    // A grid with about one vertex a cell.
-    let (mut lo, mut hi) = (stay[0], stay[0]);
-    for p in stay.iter().chain(&c.batch.new_vertices) {
-        for k in 0..3 {
-            lo[k] = lo[k].min(p[k]);
-            hi[k] = hi[k].max(p[k]);
-        }
-    }
-    let side = (0..3).map(|k| (hi[k] as i64 - lo[k] as i64) as f64 + 1.0).fold(1.0, f64::max);
-    let cell = (side / (stay.len() as f64).cbrt()).ceil().max(1.0) as i64;
-    let place = |p: &[i32; 3]| -> [i64; 3] { std::array::from_fn(|k| (p[k] as i64 - lo[k] as i64) / cell) };
-    let mut grid: HashMap<[i64; 3], Vec<u32>> = HashMap::new();
-    for (v, p) in stay.iter().enumerate() {
-        grid.entry(place(p)).or_default().push(v as u32);
-    }
-    let most = (side as i64 / cell) + 1;
-    for (&old, p) in c.new_vertices.iter().zip(&c.batch.new_vertices) {
-        let at = place(p);
-        let mut best: Option<(i64, u32)> = None;
-        for reach in 0..=most {
-            for x in at[0] - reach..=at[0] + reach {
-                for y in at[1] - reach..=at[1] + reach {
-                    let shell = (x - at[0]).abs() == reach || (y - at[1]).abs() == reach;
-                    let step = if shell || reach == 0 { 1 } else { 2 * reach };
-                    let mut z = at[2] - reach;
-                    while z <= at[2] + reach {
-                        for &v in grid.get(&[x, y, z]).into_iter().flatten() {
-                            let q = stay[v as usize];
-                            let d = (0..3).map(|k| (q[k] as i64 - p[k] as i64).pow(2)).sum();
-                            if best.is_none_or(|b| (d, v) < b) {
-                                best = Some((d, v));
-                            }
-                        }
-                        z += step;
-                    }
-                }
-            }
-            // Nothing in a farther shell is nearer than `reach` cells.
-            if best.is_some_and(|(d, _)| d <= (reach * cell).pow(2)) {
-                break;
-            }
-        }
-        if let Some((d, v)) = best {
+    let tree = Nearest::new(&c.level.positions);
+    let nearest: Vec<Option<(i64, u32)>> = c.batch.new_vertices.par_iter().map(|&p| tree.of(p)).collect();
+    for (&old, nearest) in c.new_vertices.iter().zip(nearest) {
+        if let Some((d, v)) = nearest {
             let distance = (d as f64).sqrt() * (1u64 << shift) as f64;
             let bound = &mut out[v as usize];
             *bound = bound.max((distance as f32 + error[old as usize] + drop) * 1.000_001);

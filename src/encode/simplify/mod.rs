@@ -3,6 +3,7 @@
 mod driver;
 mod error;
 mod history;
+mod nearest;
 mod order;
 mod select;
 mod wedges;

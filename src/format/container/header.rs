@@ -113,6 +113,9 @@ impl Header {
         if !self.lattice.origin.iter().all(|c| c.is_finite()) {
             return header("the lattice origin is not finite");
         }
+        if !self.lattice.is_finite() {
+            return header("coordinates of the lattice that are infinite");
+        }
         if self.position_bits.is_some_and(|b| !(1..=21).contains(&b)) {
             return header("position bits outside 1 to 21");
         }

@@ -15,6 +15,9 @@ use super::{
 };
 use crate::leb128;
 
+/// Bytes of memory that a row of the table of chunks takes while it is read.
+const MEMORY_PER_CHUNK: u64 = 128;
+
 /// The front of a file, checked: what a client needs to plan.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FileIndex {
@@ -50,6 +53,14 @@ impl FileIndex {
     /// Every kind but [`ContainerError::ChunkDamaged`], [`Truncated`](ContainerError::Truncated),
     /// [`TrailingBytes`](ContainerError::TrailingBytes) and [`MemoryLimit`](ContainerError::MemoryLimit).
     pub fn parse(bytes: &[u8]) -> Result<Parsed, ContainerError> {
+        FileIndex::parse_within(bytes, u64::MAX)
+    }
+
+    /// The same within so many bytes of memory for the table of chunks.
+    ///
+    /// # Errors
+    /// Those of [`parse`](Self::parse), and [`ContainerError::MemoryLimit`].
+    pub fn parse_within(bytes: &[u8], memory_limit: u64) -> Result<Parsed, ContainerError> {
         check_magic(bytes)?;
         let Some(&version) = bytes.get(MAGIC.len()) else {
             return Ok(Parsed::NeedBytes(MAGIC.len() as u64 + 2));
@@ -73,10 +84,10 @@ impl FileIndex {
         if stored != computed {
             return Err(ContainerError::HeaderDamaged { length: body_end as u64, stored, computed });
         }
-        Ok(Parsed::Ready(FileIndex::parse_body(body, length as u64)?))
+        Ok(Parsed::Ready(FileIndex::parse_body(body, length as u64, memory_limit)?))
     }
 
-    fn parse_body(body: &[u8], length: u64) -> Result<FileIndex, ContainerError> {
+    fn parse_body(body: &[u8], length: u64, limit: u64) -> Result<FileIndex, ContainerError> {
         let mut at = 0;
         let mut number = || match number_at(body, &mut at)? {
             Some(n) => Ok(n),
@@ -86,6 +97,10 @@ impl FileIndex {
         check_features(required)?;
         // Each chunk has four bytes of checksum here, so that the table is bounded by the bytes at hand.
         let rest = &body[at..];
+        let needed = count.saturating_mul(MEMORY_PER_CHUNK).saturating_add(body.len() as u64);
+        if needed > limit {
+            return Err(ContainerError::MemoryLimit { needed, limit });
+        }
         let Some((checksums, tables)) =
             usize::try_from(count).ok().and_then(|n| n.checked_mul(4)).and_then(|n| rest.split_at_checked(n))
         else {

@@ -18,6 +18,8 @@ pub struct Reader {
     /// Bytes of the buffer that were handed out and may go.
     used: usize,
     index: Option<Arc<FileIndex>>,
+    /// Bytes of memory that the index may take; `None` for any.
+    limit: Option<u64>,
     next: usize,
 }
 
@@ -43,6 +45,11 @@ impl Reader {
     /// A reader that has seen nothing.
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// The same whose front may take so many bytes of memory.
+    pub fn within(limit: u64) -> Self {
+        Reader { limit: Some(limit), ..Self::default() }
     }
 
     /// Hand in the next bytes of the file.
@@ -75,7 +82,7 @@ impl Reader {
     /// Make the index ready, or say how many bytes that takes.
     fn index_or_need(&mut self) -> Result<Result<(), u64>, ContainerError> {
         if self.index.is_none() {
-            match FileIndex::parse(&self.buffer)? {
+            match FileIndex::parse_within(&self.buffer, self.limit.unwrap_or(u64::MAX))? {
                 Parsed::NeedBytes(n) => return Ok(Err(n)),
                 Parsed::Ready(front) => {
                     self.used = front.length() as usize;

@@ -95,7 +95,7 @@ impl Decoder {
     /// A decoder that has seen nothing yet.
     pub fn new(options: DecodeOptions) -> Self {
         let nothing = Level { positions: Vec::new(), faces: Faces::new(), shift: 0 };
-        Decoder { options, reader: Reader::new(), open: None, nothing, failed: None }
+        Decoder { reader: Reader::within(options.memory_limit), options, open: None, nothing, failed: None }
     }
 
     /// Hand in the next bytes of the file.

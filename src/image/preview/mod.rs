@@ -7,8 +7,8 @@
 //!
 //! Invariants: the image itself is not touched; an image that is small, damaged, interlaced or of another format gets none, which is no error.
 
-use super::recompress::colours;
-use crate::image::jpeg::{Eighth, Means, Pixels, Sampling, Unsupported, eighth, jpeg};
+use super::recompress::{MOST_BESIDE_PIXELS, colours, png_size as size_in_head};
+use crate::image::jpeg::{Eighth, MOST_PIXELS, Means, Pixels, Sampling, Unsupported, eighth, jpeg};
 use crate::image::signature::{is_jpeg, is_png};
 use crate::mesh::Appearance;
 use std::fmt;
@@ -289,7 +289,14 @@ fn open(file: &[u8]) -> Result<png::Reader<Cursor<&[u8]>>, Unsupported> {
     if !is_png(file) {
         return Err(NO_PNG);
     }
-    let mut decoder = png::Decoder::new_with_limits(Cursor::new(file), png::Limits { bytes: 64 << 20 });
+    // So many pixels take a minute, and nobody makes pixels of them later.
+    if size_in_head(file).is_none_or(|[width, height]| u64::from(width) * u64::from(height) > MOST_PIXELS) {
+        return Err(NO_PNG);
+    }
+    let limits = png::Limits { bytes: MOST_BESIDE_PIXELS };
+    let mut decoder = png::Decoder::new_with_limits(Cursor::new(file), limits);
+    decoder.set_ignore_iccp_chunk(true);
+    decoder.set_ignore_text_chunk(true);
     decoder.set_transformations(png::Transformations::normalize_to_color8());
     let reader = decoder.read_info().map_err(|_| NO_PNG)?;
     let info = reader.info();

@@ -194,15 +194,32 @@ struct Picture {
     profile: Option<Vec<u8>>,
 }
 
+/// Bytes that the library may take for what is not pixels, such as a colour profile, which in a JPEG has 16 MB at most.
+pub(crate) const MOST_BESIDE_PIXELS: usize = 32 << 20;
+
+/// The width and height in the head of a PNG.
+pub(crate) fn png_size(bytes: &[u8]) -> Option<[u32; 2]> {
+    let head = bytes.strip_prefix(b"\x89PNG\r\n\x1a\n")?.get(4..16)?.strip_prefix(b"IHDR")?;
+    let word = |at: usize| head.get(at..)?.first_chunk().map(|w| u32::from_be_bytes(*w));
+    Some([word(0)?, word(4)?])
+}
+
 fn read(bytes: &[u8]) -> Result<Picture, Unsupported> {
     const DAMAGED: Unsupported = Unsupported("it is damaged");
     if !is_png(bytes) {
         return Err(Unsupported("it is neither PNG nor JPEG"));
     }
-    let limits = png::Limits { bytes: 4 * MOST_PIXELS as usize };
+    // What its size alone rules out is not unpacked; a profile that no JPEG could hold is damage.
+    if png_size(bytes).is_some_and(|[width, height]| u64::from(width) * u64::from(height) > MOST_PIXELS) {
+        return Err(Unsupported("it has more than 268,435,456 pixels"));
+    }
+    let limits = png::Limits { bytes: MOST_BESIDE_PIXELS };
     let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), limits);
     decoder.set_transformations(png::Transformations::EXPAND);
-    let mut reader = decoder.read_info().map_err(|_| DAMAGED)?;
+    let mut reader = decoder.read_info().map_err(|e| match e {
+        png::DecodingError::LimitsExceeded => Unsupported("its colour profile or other metadata are too large"),
+        _ => DAMAGED,
+    })?;
     let info = reader.info();
     if info.bit_depth == png::BitDepth::Sixteen {
         return Err(Unsupported("it has 16 bits per sample"));
@@ -215,9 +232,6 @@ fn read(bytes: &[u8]) -> Result<Picture, Unsupported> {
     let (Ok(width), Ok(height)) = (u16::try_from(width), u16::try_from(height)) else {
         return Err(Unsupported("it has more than 65,535 pixels across or down"));
     };
-    if width as u64 * height as u64 > MOST_PIXELS {
-        return Err(Unsupported("it has more than 268,435,456 pixels"));
-    }
     // Deflate makes a thousand bytes of one at most: what a head promises beyond that is not there.
     if info.raw_row_length() as u64 * info.height as u64 > bytes.len() as u64 * 1100 {
         return Err(DAMAGED);

@@ -28,7 +28,9 @@ impl<'m> Sidecars<'m> {
     pub fn of(target: &Path) -> Self {
         let folder = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let stem = target.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-        Sidecars { place: Some((folder.to_path_buf(), stem)), ..Sidecars::default() }
+        // Nothing beside the mesh may take its place.
+        let taken = target.file_name().map(|n| n.to_string_lossy().to_lowercase()).into_iter().collect();
+        Sidecars { place: Some((folder.to_path_buf(), stem)), taken, ..Sidecars::default() }
     }
 
     /// The name of a file `STEM.extension`.
@@ -88,7 +90,13 @@ pub(super) fn safe(text: &str) -> String {
     let last = text.rsplit(['/', '\\']).next().unwrap_or_default();
     let odd = |c: char| c.is_control() || c.is_whitespace() || name::is_byte(c) || "\"*:<>?|#%;".contains(c);
     let plain = |c: char| if odd(c) { '_' } else { c };
-    let name: String = last.trim().chars().map(plain).take(120).collect();
+    let mut room = 120usize;
+    let fits = |c: &char| {
+        let left = room.checked_sub(c.len_utf8());
+        room = left.unwrap_or(0);
+        left.is_some()
+    };
+    let name: String = last.trim().chars().map(plain).take_while(fits).collect();
     let name = name.trim_start_matches(['.', '-']);
     if name.is_empty() { "unnamed".to_string() } else { name.to_string() }
 }

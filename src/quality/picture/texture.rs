@@ -46,8 +46,11 @@ fn check_size(width: u64, height: u64) -> Result<(), String> {
 }
 
 fn decode_png(bytes: &[u8]) -> Result<Pixels, String> {
-    let limits = png::Limits { bytes: 5 * MOST_PIXELS as usize };
+    // Rows and what is not pixels; those are taken below, once their number is known to be drawn.
+    let limits = png::Limits { bytes: 1 << 24 };
     let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), limits);
+    decoder.set_ignore_iccp_chunk(true);
+    decoder.set_ignore_text_chunk(true);
     decoder.set_transformations(png::Transformations::normalize_to_color8());
     let mut reader = decoder.read_info().map_err(|e| e.to_string())?;
     let (width, height) = reader.info().size();
@@ -66,7 +69,9 @@ fn decode_png(bytes: &[u8]) -> Result<Pixels, String> {
 }
 
 fn decode_jpeg(bytes: &[u8]) -> Result<Pixels, String> {
-    let options = DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::RGBA);
+    let side = MOST_PIXELS as usize;
+    let options =
+        DecoderOptions::default().jpeg_set_out_colorspace(ColorSpace::RGBA).set_max_width(side).set_max_height(side);
     let mut decoder = zune_jpeg::JpegDecoder::new_with_options(ZCursor::new(bytes), options);
     decoder.decode_headers().map_err(|e| e.to_string())?;
     let (width, height) = decoder.dimensions().ok_or("no size")?;

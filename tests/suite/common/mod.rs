@@ -8,6 +8,7 @@ pub mod distance;
 pub mod outcome;
 pub mod picture;
 pub mod repair;
+pub mod rock;
 pub mod small;
 
 use std::path::{Path, PathBuf};

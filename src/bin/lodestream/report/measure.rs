@@ -1,7 +1,7 @@
 //! The numbers of a report: encode, decode prefix by prefix, measure.
 
 use super::Args;
-use crate::decode;
+use crate::decode::{self, Choice};
 use crate::encode::{arrange, stage_name};
 use crate::model;
 use crate::progress::Bars;
@@ -85,15 +85,15 @@ pub fn measure(path: &Path, args: &Args, bars: &Bars) -> Result<Subject> {
         warnings: Vec::new(),
     };
     let (source, bytes) = if model::is_lods(path) {
-        (model::load(path, None, &args.machine, bars)?.mesh, shared::read_file(path)?)
+        (model::load(path, &Choice::default(), &args.machine, bars)?.mesh, shared::read_file(path)?)
     } else {
         let clock = Instant::now();
-        let (memory_limit, invalid) = (args.machine.memory_limit, Invalid::Drop);
+        let (memory_limit, invalid) = (Some(args.machine.memory_limit()), Invalid::Drop);
         let options = ReadOptions { memory_limit, invalid, ..ReadOptions::default() };
         let mesh = shared::read_mesh(path, None, &options)?.mesh;
         let read = shared::seconds(clock);
         let options = EncodeOptions::default().quantization(Quantization::Bits(args.position_bits));
-        let pipeline = args.images.pipeline(options, args.machine.memory_limit);
+        let pipeline = args.images.pipeline(options, args.machine.memory_limit());
         // What goes in loses nothing: the source stays what it was.
         let mut changed = mesh.clone();
         for image in pipeline.prepare(&mut changed.appearance) {
@@ -152,7 +152,7 @@ fn levels(source: &Mesh, bytes: Vec<u8>, args: &Args, bars: &Bars, subject: &mut
         Parsed::NeedBytes(_) => bail!("the front of the file is not whole"),
     };
     let stops = stops(&front, args.levels.into());
-    let mut decoder = Decoder::new(decode::options(args.machine.memory_limit));
+    let mut decoder = Decoder::new(decode::options(&args.machine));
     let (mut given, mut decoding) = (0, 0.0);
     let mut geometry: Option<(u32, Geometry)> = None;
     for &stop in &stops {

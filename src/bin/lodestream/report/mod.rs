@@ -6,7 +6,7 @@ mod page;
 use crate::Outcome;
 use crate::compare::{Looks, Sampling};
 use crate::encode::ImageArgs;
-use crate::output::Output;
+use crate::output::Outputs;
 use crate::progress::Bars;
 use crate::shared::{self, Machine};
 use anyhow::{Context, Result};
@@ -55,7 +55,8 @@ pub fn run(args: &Args) -> Result<Outcome> {
     args.machine.run(|threads| {
         std::fs::create_dir_all(&args.output).with_context(|| format!("{}: cannot be made", args.output.display()))?;
         let [page, data] = ["report.html", "report.json"].map(|name| args.output.join(name));
-        let (page_file, data_file) = (Output::create(&page)?, Output::create(&data)?);
+        let mut outputs = Outputs::of(args.inputs.iter().map(|path| (path.as_path(), None)));
+        let (page_file, data_file) = (outputs.create(&page)?, outputs.create(&data)?);
         let bars = Bars::new(!args.json);
         let mut subjects: Vec<Subject> = Vec::new();
         for path in &args.inputs {

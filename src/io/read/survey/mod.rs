@@ -14,7 +14,7 @@ use std::path::Path;
 use super::{DropSet, Format, Packing, ply};
 use crate::image::jpeg::Working;
 use crate::io::beside::{Folder, open_regular};
-use crate::mesh::LayerKind;
+use crate::mesh::{LayerKind, Mesh};
 use distinct::Distinct;
 #[cfg(feature = "ingest")]
 pub(crate) use gltf::drawn_images;
@@ -74,6 +74,27 @@ impl Survey {
     pub fn carried(&self, drop: DropSet) -> Values {
         let kept = KINDS.iter().zip(&self.attributes).filter(|(kind, _)| !drop.kind(**kind));
         kept.fold(Values::default(), |sum, (_, values)| sum.plus(*values))
+    }
+
+    /// What a mesh is that has been read, from so many records.
+    pub fn of_mesh(mesh: &Mesh, records: u64) -> Self {
+        let mut survey = Survey {
+            vertices: mesh.vertex_count() as u64,
+            elements: mesh.face_count() as u64,
+            corners: mesh.corners.len() as u64,
+            records,
+            exact: true,
+            ..Survey::default()
+        };
+        for layer in &mesh.layers {
+            survey.add(layer.kind, 1, layer.len() as u64, u64::from(layer.width));
+        }
+        for image in &mesh.appearance.images {
+            let bytes = image.bytes.len() as u64;
+            survey.images += bytes;
+            survey.working = survey.working.and(Working::of(&mut &image.bytes[..], bytes));
+        }
+        survey
     }
 
     /// `layers` layers more, of `values` values of `width` numbers.
