@@ -204,6 +204,18 @@ pub(crate) fn png_size(bytes: &[u8]) -> Option<[u32; 2]> {
     Some([word(0)?, word(4)?])
 }
 
+/// Whether a PNG has a colour profile before its pixels.
+fn has_profile(bytes: &[u8]) -> bool {
+    let mut rest = bytes.get(8..).unwrap_or_default();
+    while let Some((length, kind)) = rest.first_chunk().zip(rest.get(4..8)) {
+        if kind == b"iCCP" || kind == b"IDAT" {
+            return kind == b"iCCP";
+        }
+        rest = rest.get(u32::from_be_bytes(*length) as usize + 12..).unwrap_or_default();
+    }
+    false
+}
+
 fn read(bytes: &[u8]) -> Result<Picture, Unsupported> {
     const DAMAGED: Unsupported = Unsupported("it is damaged");
     if !is_png(bytes) {
@@ -228,6 +240,10 @@ fn read(bytes: &[u8]) -> Result<Picture, Unsupported> {
         return Err(Unsupported("it is animated"));
     }
     let profile = info.icc_profile.as_ref().map(|p| p.to_vec());
+    // The library passes over a profile that it cannot read; what colours mean would be lost with it.
+    if profile.is_none() && has_profile(bytes) {
+        return Err(Unsupported("its colour profile is damaged or too large"));
+    }
     let (width, height) = info.size();
     let (Ok(width), Ok(height)) = (u16::try_from(width), u16::try_from(height)) else {
         return Err(Unsupported("it has more than 65,535 pixels across or down"));
