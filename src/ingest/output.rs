@@ -25,6 +25,9 @@ pub(super) const STAGING: &str = ".lodestream-staging";
 /// holds the lock meanwhile, so that none escapes [`abandon`].
 static ON_THE_WAY: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
+/// The staging folders of this process, made or not, for the same moment.
+static STAGINGS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
 /// The temporary folders of this process, for the same moment.
 static FOLDERS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
@@ -39,7 +42,10 @@ pub fn abandon() -> MutexGuard<'static, Vec<PathBuf>> {
     for file in files.iter() {
         // Best effort: there is nobody left to do better.
         let _ = fs::remove_file(file);
-        let _ = file.parent().map(fs::remove_dir);
+    }
+    for folder in STAGINGS.lock().unwrap_or_else(PoisonError::into_inner).iter() {
+        // Fails while files of another run are in it, which is right.
+        let _ = fs::remove_dir(folder);
     }
     for folder in FOLDERS.lock().unwrap_or_else(PoisonError::into_inner).iter() {
         let _ = fs::remove_dir_all(folder);
@@ -121,6 +127,7 @@ impl Staging {
     pub fn new(parent: &Path) -> io::Result<Self> {
         let staging = Staging { folder: parent.join(STAGING), next: AtomicU64::new(0), written: Mutex::default() };
         staging.is_ours()?;
+        STAGINGS.lock().unwrap_or_else(PoisonError::into_inner).push(staging.folder.clone());
         staging.clear();
         Ok(staging)
     }
@@ -158,11 +165,11 @@ impl Staging {
 
     /// A new file, locked.
     pub fn create(&self) -> io::Result<Staged> {
+        // Held until the file is in the list: a signal finds all that there are.
+        let mut files = on_the_way();
         for _ in 0..1000 {
             let n = self.next.fetch_add(1, Ordering::Relaxed);
             let path = self.folder.join(format!("{}-{n}.part", std::process::id()));
-            // Held until the file is in the list: a signal finds all that there are.
-            let mut files = on_the_way();
             self.is_ours()?;
             let file = match File::options().read(true).write(true).create_new(true).open(&path) {
                 Ok(file) => file,
@@ -193,6 +200,10 @@ impl std::ops::Drop for Staging {
     fn drop(&mut self) {
         // Fails while anything is in it, which is right.
         let _ = fs::remove_dir(&self.folder);
+        let mut folders = STAGINGS.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(at) = folders.iter().position(|folder| *folder == self.folder) {
+            folders.swap_remove(at);
+        }
     }
 }
 
