@@ -39,11 +39,13 @@ pub(super) struct Draft<'m> {
 
 impl Draft<'_> {
     /// Put a chunk behind all others.
+    #[cfg(all(feature = "quality", feature = "recompress"))]
     pub(super) fn append(&mut self, chunk: Chunk) {
         self.chunks.push(chunk.map(Cow::Owned));
     }
 
     /// The number of the full level.
+    #[cfg(all(feature = "quality", feature = "recompress"))]
     pub(super) fn full_level(&self) -> u32 {
         self.header.levels.len() as u32 - 1
     }

@@ -28,9 +28,11 @@ pub use attributes::{AttributeHeader, Label, LayerHeader, MAX_LABELS, MAX_NAME};
 pub use chunk::{Chunk, ChunkInfo};
 pub use error::{ContainerError, Place};
 pub use header::{DegenerateCounts, ErrorBound, Header, LevelInfo, MAX_LEVELS, MAX_SHIFT};
-pub use index::{FileIndex, Parsed, with_chunk, write, write_front};
+#[cfg(all(feature = "encode", feature = "quality"))]
+pub(crate) use index::front_of;
 #[cfg(feature = "encode")]
-pub(crate) use index::{front_of, write_borrowed};
+pub(crate) use index::write_borrowed;
+pub use index::{FileIndex, Parsed, with_chunk, write, write_front};
 pub use kind::{FIRST_OPTIONAL_KIND, KIND_PREVIEW, KIND_SOURCE, Kind};
 pub use number::MAX_COUNT;
 pub use preview::Preview;
