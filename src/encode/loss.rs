@@ -201,7 +201,7 @@ mod tests {
 
     #[test]
     fn an_ordinary_mesh_has_no_warning() {
-        let loss = loss(&grid(16));
+        let loss = loss(&grid(17));
         assert_eq!((loss.merged, loss.edge), (0, 1.0));
         assert!(loss.shift > 0.0 && loss.shift <= loss.step, "{loss:?}");
         assert_eq!(loss.warnings(), []);

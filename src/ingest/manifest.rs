@@ -108,16 +108,16 @@ pub fn parse(name: &str, extension: &str, bytes: &[u8], base: &Settings) -> Resu
         }
     };
     let mut jobs = Vec::with_capacity(entries.len());
-    let mut outputs: HashMap<String, u64> = HashMap::new();
+    let mut outputs: HashMap<String, (u64, String)> = HashMap::new();
     for (line, entry) in entries {
         match job(line, entry, base) {
             Err(problem) => errors.add(line, problem),
             // Some disks do not know upper from lower case.
-            Ok(job) => match outputs.insert(job.output.to_lowercase(), line) {
-                Some(first) => {
+            Ok(job) => match outputs.insert(job.output.to_lowercase(), (line, job.output.clone())) {
+                Some((first, spelt)) => {
                     let output = &job.output;
-                    let what =
-                        format!("the output {output:?} is that of line {first} already, case aside; name another");
+                    let case = if spelt == *output { "" } else { ", case aside" };
+                    let what = format!("the output {output:?} is that of line {first} already{case}; name another");
                     errors.add(line, what);
                 }
                 None => jobs.push(job),

@@ -38,7 +38,9 @@ fn any_file() -> impl Strategy<Value = (Header, Vec<Chunk>)> {
             attributes: Default::default(),
             required: 0,
             optional: degenerate.2,
-            lattice: Lattice { origin: [f[0], f[1], f[2]], step: if f[3] == 0.0 { 1.0 } else { f[3].abs() } },
+            lattice: Some(Lattice { origin: [f[0], f[1], f[2]], step: if f[3] == 0.0 { 1.0 } else { f[3].abs() } })
+                .filter(Lattice::is_finite)
+                .unwrap_or(Lattice { origin: [0.0; 3], step: 1.0 }),
             position_bits: (bits > 0).then_some(bits),
             bounds: (v > 0)
                 .then(|| [std::array::from_fn(|k| b[k].min(b[k + 3])), std::array::from_fn(|k| b[k].max(b[k + 3]))]),
