@@ -4,9 +4,9 @@
 //! directory; a store is listed in the order of its keys. Links to files are followed, links to folders are not.
 
 use super::error::{Failure, FailureKind, IngestError};
+use super::location::STAGING;
 use super::location::{Folder, Object, Source, output_name, source};
 use super::manifest::{self, Job};
-use super::output::STAGING;
 use super::settings::Settings;
 use super::store::Stores;
 use crate::io::read::Format;

@@ -1,12 +1,23 @@
 //! Where things are: what the texts SOURCE and DEST mean.
 
 use super::error::{Failure, FailureKind, IngestError};
-use super::output::{STAGING, is_staged};
 use super::store::{SCHEMES, Store, Stores};
 use crate::io::read::Packing;
 use globset::{GlobBuilder, GlobMatcher};
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+/// The folder for files on their way, inside the destination.
+pub(super) const STAGING: &str = ".lodestream-staging";
+
+/// Whether a path leads into a staging folder, as it is written or through links.
+pub(super) fn is_staged(path: &Path) -> bool {
+    let leads = |path: &Path| path.iter().any(|part| part.eq_ignore_ascii_case(STAGING));
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let real = |path: &Path| fs::canonicalize(path).is_ok_and(|path| leads(&path));
+    leads(path) || real(path) || real(folder)
+}
 
 /// A file or an object.
 #[derive(Clone)]

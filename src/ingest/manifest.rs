@@ -5,8 +5,8 @@
 //! `color_bits`, `scalar_bits`, `lock_borders`, `exact_images`, `schedule`, `texture`, `previews`, `weld`, `isolated`, `drop`. What an entry leaves out is as the command line says; TOML has a table `[defaults]` in between, and one `[[job]]` for each file.
 
 use super::error::IngestError;
+use super::location::is_staged;
 use super::location::{is_plain, output_name};
-use super::output::is_staged;
 use super::settings::{DROP_NAMES, Settings, drop_set};
 use crate::image::jpeg::Exactness;
 use crate::image::recompress::Textures;

@@ -7,7 +7,7 @@
 //! this program gives, and a link in the place of that folder is an error: files of others are none of ours. An object in a store appears when its upload is complete.
 
 use super::error::{Failure, FailureKind};
-use super::location::Object;
+use super::location::{Object, STAGING};
 use super::stamp::Stamp;
 use crate::format::container::{FileIndex, Parsed};
 use crate::io::files::{self, Identity, Place, open_regular, open_with};
@@ -17,9 +17,6 @@ use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-
-/// The folder for files on their way, inside the destination.
-pub(super) const STAGING: &str = ".lodestream-staging";
 
 /// The files on their way in this process, for the moment before a signal ends it. Whoever makes, renames or removes one
 /// holds the lock meanwhile, so that none escapes [`abandon`].
@@ -73,14 +70,6 @@ impl std::ops::Drop for TempFolder {
     fn drop(&mut self) {
         FOLDERS.lock().unwrap_or_else(PoisonError::into_inner).retain(|folder| folder != self.0.path());
     }
-}
-
-/// Whether a path leads into a staging folder, as it is written or through links.
-pub(super) fn is_staged(path: &Path) -> bool {
-    let leads = |path: &Path| path.iter().any(|part| part.eq_ignore_ascii_case(STAGING));
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let real = |path: &Path| fs::canonicalize(path).is_ok_and(|path| leads(&path));
-    leads(path) || real(path) || real(folder)
 }
 
 /// See before any work whether `target` may be made or replaced: not if it is one of `reserved`, which are named beside;
@@ -372,6 +361,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let staging = folder.path().join(STAGING);
         fs::create_dir(&staging).unwrap();
+        use crate::ingest::location::is_staged;
         assert!(is_staged(&staging.join("x")) && is_staged(&staging) && is_staged(Path::new(".LODESTREAM-staging/x")));
         assert!(!is_staged(&folder.path().join("x")));
         #[cfg(unix)]

@@ -184,8 +184,8 @@ impl Decoder {
 
     /// Hand in the payload of a chunk of materials, or of a preview, piece or reconstruction of an image, that was fetched
     /// apart, its checksum verified ([`FileIndex::payload`], [`FileIndex::check_chunk`]); other kinds, and what is there
-    /// already, are passed over. Pieces of an image come in their order, those of different images in any. Before the file's
-    /// index is known nothing is taken.
+    /// already, are passed over. Pieces of an image come in their order, those of different images in any, and nothing before
+    /// the file's index.
     ///
     /// # Errors
     /// [`DecodeError::Corrupt`] for materials that make no sense, and for a piece of an image that comes before
@@ -196,7 +196,9 @@ impl Decoder {
         {
             self.open = Some(Box::new(Open::new(index, self.options.memory_limit)?));
         }
-        let Some(open) = &mut self.open else { return Ok(()) };
+        let Some(open) = &mut self.open else {
+            return Err(corrupt(0, "materials or images before the file's index"));
+        };
         open.take_picture(open.at.unwrap_or(0), info, payload)
     }
 
