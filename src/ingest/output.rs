@@ -10,7 +10,7 @@ use super::error::{Failure, FailureKind};
 use super::location::{Object, STAGING};
 use super::stamp::Stamp;
 use crate::format::container::{FileIndex, Parsed};
-use crate::io::files::{self, Identity, Place, open_regular, open_with};
+use crate::io::files::{self, Place, open_regular, open_with};
 use std::collections::HashSet;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -98,7 +98,7 @@ pub(super) struct Staging {
     folder: PathBuf,
     next: AtomicU64,
     /// The outputs that this run has put in their places.
-    written: Mutex<HashSet<Identity>>,
+    written: Mutex<HashSet<PathBuf>>,
 }
 
 /// A file on its way: locked, and removed when dropped before [`Staged::commit`].
@@ -224,12 +224,13 @@ impl Staged {
     }
 
     /// The same for one of many outputs, none of which may take the place of another.
-    fn place(mut self, target: &Path, written: &Mutex<HashSet<Identity>>) -> io::Result<()> {
+    fn place(mut self, target: &Path, written: &Mutex<HashSet<PathBuf>>) -> io::Result<()> {
         self.file.flush()?;
         self.file.sync_all()?;
         let mut written = written.lock().unwrap_or_else(PoisonError::into_inner);
         // Names that differ may mean one file: through links, or on disks that do not know upper from lower case.
-        if Identity::of(target).is_some_and(|there| written.contains(&there)) {
+        // By their real paths: another run may replace a file meanwhile, and the system gives its number to the next.
+        if fs::canonicalize(target).is_ok_and(|there| written.contains(&there)) {
             return Err(io::Error::other(
                 "it is the output of another source of this run too; name outputs in a manifest",
             ));
@@ -246,7 +247,7 @@ impl Staged {
         self.done = true;
         files.retain(|p| *p != self.path);
         drop(files);
-        written.extend(Identity::of(target));
+        written.extend(fs::canonicalize(target));
         drop(written);
         // A file system that cannot sync folders has done what it can.
         if let Ok(folder) = File::open(folder) {
