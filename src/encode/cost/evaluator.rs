@@ -76,7 +76,7 @@ pub struct WeighInput<'a> {
 pub struct Carried<'a> {
     /// For each vertex its number in the level before (for a merged one that of either child), strictly increasing.
     pub old_of_new: &'a [u32],
-    /// Whether the vertex merged or moved, or shares an element with one that did: see [`dirty_vertices`].
+    /// Whether the vertex merged or moved, or shares an element with one that did: see [`dirty_vertices`](super::dirty_vertices).
     pub dirty: &'a [bool],
 }
 

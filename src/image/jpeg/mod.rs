@@ -5,7 +5,7 @@
 //! that is progressive already is coded anew in these scans where that is smaller, and else cut as it is. Anything else stays in one piece, with a reason.
 //!
 //! This is written here, rather than bound to a C library, for three reasons: nothing below needs `unsafe`, hostile images are read by safe
-//! code alone, and the decoder can turn a progressive file into the baseline file that it was, byte by byte, without C ([`restore`]).
+//! code alone, and the decoder can turn a progressive file into the baseline file that it was, byte by byte, without C (`restore`).
 //! No floating point and no transform: coefficients are only moved.
 //!
 //! Invariants: the pieces in their order are the whole file; the first of them, ended by [`END`], are a file too.
@@ -70,9 +70,9 @@ pub enum Treatment {
 pub struct Pieces<'a> {
     /// The pieces; together they are the file. They borrow from an image that stays as it was.
     pub pieces: Vec<Cow<'a, [u8]>>,
-    /// With [`Exactness::Bytes`], for a file that was transcoded: what [`restore`] needs to give the very bytes back.
+    /// With [`Exactness::Bytes`], for a file that was transcoded: what `restore` needs to give the very bytes back.
     pub reconstruction: Option<Vec<u8>>,
-    /// Bytes of memory that [`restore`] takes, 0 without a reconstruction.
+    /// Bytes of memory that `restore` takes, 0 without a reconstruction.
     pub memory: u64,
     /// What was done.
     pub way: Treatment,
