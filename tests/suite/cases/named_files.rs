@@ -130,7 +130,7 @@ fn pipes_and_devices_are_not_read() {
     for words in ["encode in/pipe.obj -o o.lods", "encode in/pipe.obj --format obj -o o.lods"] {
         let run = lodestream(s.folder(), words);
         assert_eq!(run.code, 1, "{words}");
-        assert!(run.stderr.contains("this is a pipe, not a regular file"), "{}", run.stderr);
+        assert!(["pipe", "regular file"].iter().all(|word| run.stderr.contains(word)), "{}", run.stderr);
     }
 }
 
